@@ -39,7 +39,7 @@ impl Candidate {
         let problems: Vec<_> = of_libraries.map(in_words).collect();
         let library = Platform::host().zip(description.co_simulation_identifier());
         let library =
-            library.map(|(platform, identifier)| platform.library_path(identifier, description.is_fmi3()));
+            library.map(|(platform, identifier)| platform.library_path(identifier, description.version()));
         let archive = archive::open(BufReader::new(reading::open(path)?))?;
         let has = |library: &String| {
             archive.file_names().any(|name| name.is_ok_and(|name| name.ends_with(library)))

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use fmu_io::terminal::number;
 use fmu_package::connection::{Connection, Conversion};
-use fmu_package::{Causality, Domain, FmuDescription, FmuVariable, Function, Kind, ValueType};
+use fmu_package::{Causality, Domain, FmuDescription, FmuVariable, Function, Kind, ValueType, Version};
 
 use crate::choice::{Choice, choices};
 use crate::likeness::suggestions;
@@ -88,7 +88,7 @@ impl<'a> Compatibility<'a> {
         let is_by_name = connections.is_empty();
         let mut problems = vec![];
         let version = fmu.attribute("fmiVersion");
-        if version != "2.0" && !fmu.is_fmi3() {
+        if Version::declared(version).is_none() {
             problems.push(format!("it is FMI {version}; only FMI 2.0 and 3.0 can be coupled"));
         }
         if fmu.co_simulation_identifier().is_none() {

@@ -124,7 +124,7 @@ fn needs_library(fmu: &[u8], platform: Platform) -> Result<bool> {
     let files = archive::read_files(&mut archive, &mut LARGEST_CONTENT.clone())?;
     let has_library = identifiers(&description)
         .iter()
-        .any(|identifier| files.contains_key(&platform.library_path(identifier, description.is_fmi3())));
+        .any(|identifier| files.contains_key(&platform.library_path(identifier, description.version())));
     Ok(!has_library && !BuildConfiguration::of(&description, &files)?.is_empty())
 }
 
@@ -147,15 +147,16 @@ fn compiled(name: &str, content: Vec<u8>, platform: Platform) -> Result<(Vec<u8>
     let configurations = BuildConfiguration::of(&description, &files)?;
     let is_needed = |path: &str| path.starts_with("sources/") || path.starts_with("binaries/");
     let folder = Folder::filled(PREFIX, |folder| archive::extract(&mut archive, folder, is_needed))?;
-    let host = platform.folder_for_host(description.is_fmi3());
+    let host = platform.folder_for_host(description.version());
     let sources = Sources::new(&folder, &host, description.version(), &files)?;
     let mut libraries = vec![];
     for identifier in identifiers(&description) {
         let own: Vec<_> =
             configurations.iter().filter(|known| known.model_identifier == identifier).collect();
         if !own.is_empty() {
-            let path = platform.library_path(identifier, description.is_fmi3());
-            let library = sources.compile(sources.choose(&own, &platform.folder_for_host(true))?, &path)?;
+            let path = platform.library_path(identifier, description.version());
+            let library =
+                sources.compile(sources.choose(&own, &platform.folder_for_host(Version::Three))?, &path)?;
             inspect(&library, identifier, &description)
                 .with_context(|| format!("its sources make {path}"))?;
             libraries.push((path, library));

@@ -147,11 +147,12 @@ impl<'m, 'a> Page<'m, 'a> {
     fn capabilities(&self) -> String {
         let has = &self.model.declaration.capabilities;
         let of_steps = self.model.fmi.interfaces.co_simulation();
-        let is_fmi3 = self.model.fmi.version == Version::Three;
-        let [get_and_set, serialize, directional] = if is_fmi3 {
-            ["canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives"]
-        } else {
-            ["canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative"]
+        let version = self.model.fmi.version;
+        let [get_and_set, serialize, directional] = match version {
+            Version::Two => ["canGetAndSetFMUstate", "canSerializeFMUstate", "providesDirectionalDerivative"],
+            Version::Three => {
+                ["canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives"]
+            }
         };
         let over_time = if of_steps { ", and the outputs' derivatives over time" } else { "" };
         let rows = [
@@ -162,13 +163,13 @@ impl<'m, 'a> Page<'m, 'a> {
                 "communication steps may vary in length",
             ),
             (
-                of_steps && !is_fmi3,
+                of_steps && version == Version::Two,
                 "canInterpolateInputs",
                 has.interpolate_inputs,
                 "inputs may have derivatives and then change within a step; discrete inputs hold their values",
             ),
             (
-                of_steps && is_fmi3,
+                of_steps && version == Version::Three,
                 "hasEventMode",
                 has.event_mode,
                 "the importer may handle events, which then end communication steps",
@@ -187,13 +188,13 @@ impl<'m, 'a> Page<'m, 'a> {
                 &format!("exact partial derivatives{over_time}"),
             ),
             (
-                is_fmi3,
+                version == Version::Three,
                 "providesAdjointDerivatives",
                 has.adjoint_derivatives,
                 "exact derivatives with respect to all inputs and states in one call",
             ),
             (
-                is_fmi3,
+                version == Version::Three,
                 "providesPerElementDependencies",
                 self.model.has_element_dependencies(),
                 "the dependencies of single array elements can be queried",

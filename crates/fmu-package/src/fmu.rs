@@ -57,7 +57,7 @@ impl Fmu<'_> {
         if self.version == Version::Two {
             return Ok(vec![platform.folder().to_owned()]);
         }
-        let mut folders = Library::read(library)?.folders(platform, true);
+        let mut folders = Library::read(library)?.folders(platform, Version::Three);
         // A library for this processor only takes precedence over the universal one, which would be in the same
         // folder.
         let own = Platform::Aarch64Darwin;

@@ -34,7 +34,7 @@ pub use declared::Declared;
 pub use domain::Domain;
 pub use elements::{DescriptionElements, StructureElement};
 pub use fmu::Fmu;
-pub use fmu_terms::{BaseUnit, Causality, DisplayUnit, Linear, Unit};
+pub use fmu_terms::{BaseUnit, Causality, DisplayUnit, Linear, Unit, Version};
 pub use functions::functions;
 pub use identifier::refuse_no_identifier;
 pub use library::Library;

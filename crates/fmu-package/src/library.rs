@@ -91,8 +91,8 @@ impl Library {
 
     /// The library's folders in `binaries/` of an FMU of FMI 2.0 or 3.0 for a platform: in FMI 3.0 one per processor.
     #[must_use]
-    pub fn folders(&self, platform: Platform, is_fmi3: bool) -> Vec<String> {
-        if is_fmi3 {
+    pub fn folders(&self, platform: Platform, version: Version) -> Vec<String> {
+        if version == Version::Three {
             self.architectures.iter().map(|&architecture| platform.tuple(architecture)).collect()
         } else {
             vec![platform.folder().to_owned()]

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use fmu_io::reading::broken;
+use fmu_terms::Version;
 
 use crate::archive;
 use crate::library::{self, Library};
@@ -41,7 +42,7 @@ impl<'a> Merged<'a> {
     pub fn new(parts: &'a [Part], runs: &BTreeMap<Platform, String>) -> io::Result<Self> {
         let (first, others) = parts.split_first().ok_or_else(|| broken("there is nothing to merge"))?;
         let description = first.description()?;
-        let is_fmi3 = description.is_fmi3();
+        let version = description.version();
         let mut all_runs = first.runs();
         let of_part = |part: &'a Part| {
             part.files
@@ -76,10 +77,10 @@ impl<'a> Merged<'a> {
             let identifier = attributes.iter().find(|(name, _)| name == "modelIdentifier");
             let identifier = identifier.map_or("", |(_, identifier)| identifier);
             for (path, (part, content)) in &files {
-                let Some((platform, folder)) = library_at(path, identifier, is_fmi3) else { continue };
+                let Some((platform, folder)) = library_at(path, identifier, version) else { continue };
                 let library = Library::read(content).and_then(|library| {
                     let is_for_it = |own: &String| own == folder && library.format == platform.format();
-                    if is_fmi3 && library.folders(platform, true).iter().any(is_for_it) {
+                    if version == Version::Three && library.folders(platform, version).iter().any(is_for_it) {
                         return Ok(library);
                     }
                     library.fits(platform).map(|()| library)
@@ -93,7 +94,7 @@ impl<'a> Merged<'a> {
         for (&platform, run) in runs {
             let folders: Vec<_> = libraries
                 .keys()
-                .filter(|folder| Platform::of_folder(folder, is_fmi3) == Some(platform))
+                .filter(|folder| Platform::of_folder(folder, version) == Some(platform))
                 .collect();
             if folders.is_empty() {
                 return Err(broken(format!("there is no library for {} that was run", platform.folder())));
@@ -173,9 +174,9 @@ impl Part {
 }
 
 /// The platform and folder of a model's library.
-fn library_at<'a>(path: &'a str, identifier: &str, is_fmi3: bool) -> Option<(Platform, &'a str)> {
+fn library_at<'a>(path: &'a str, identifier: &str, version: Version) -> Option<(Platform, &'a str)> {
     let folder = path.strip_prefix("binaries/")?.split('/').next()?;
-    let platform = Platform::of_folder(folder, is_fmi3)?;
+    let platform = Platform::of_folder(folder, version)?;
     (platform.path_in(folder, identifier) == path).then_some((platform, folder))
 }
 

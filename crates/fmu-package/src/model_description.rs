@@ -180,12 +180,6 @@ impl FmuDescription {
         Version::declared(self.attribute("fmiVersion")).unwrap_or_default()
     }
 
-    /// Whether the description is of FMI 3.0.
-    #[must_use]
-    pub fn is_fmi3(&self) -> bool {
-        self.version() == Version::Three
-    }
-
     /// The model's unique identifier: the GUID, or in FMI 3.0 the instantiation token.
     #[must_use]
     pub fn guid(&self) -> &str {
@@ -276,7 +270,7 @@ impl FmuDescription {
     /// # Errors
     /// When it is not a number, or above two million.
     pub fn number_of_event_indicators(&self) -> io::Result<usize> {
-        if self.is_fmi3() {
+        if self.version() == Version::Three {
             return Ok(self.event_indicators.iter().map(|reference| self.referred(reference).len()).sum());
         }
         match self.attribute("numberOfEventIndicators") {
@@ -297,7 +291,7 @@ impl FmuDescription {
 
     /// The variable with a position from 1 on, or, in FMI 3.0, with a value reference; all elements if it is an array.
     fn referred(&self, reference: &Declared<u32>) -> Vec<&FmuVariable> {
-        if !self.is_fmi3() {
+        if self.version() == Version::Two {
             let position = reference.meaning().and_then(|position| (position as usize).checked_sub(1));
             return position.and_then(|position| self.variables.get(position)).into_iter().collect();
         }

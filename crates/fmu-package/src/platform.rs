@@ -6,6 +6,8 @@
 use std::io;
 use std::str::FromStr;
 
+use fmu_terms::Version;
+
 /// The formats of shared libraries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
@@ -153,10 +155,11 @@ impl Platform {
 
     /// The platform of a folder in `binaries/` of an FMU of FMI 2.0 or 3.0.
     #[must_use]
-    pub fn of_folder(folder: &str, is_fmi3: bool) -> Option<Self> {
-        Self::ALL
-            .into_iter()
-            .find(|platform| if is_fmi3 { platform.is_tuple(folder) } else { platform.folder() == folder })
+    pub fn of_folder(folder: &str, version: Version) -> Option<Self> {
+        Self::ALL.into_iter().find(|platform| match version {
+            Version::Two => platform.folder() == folder,
+            Version::Three => platform.is_tuple(folder),
+        })
     }
 
     /// Whether a text is the platform tuple for one of its processors.
@@ -166,14 +169,15 @@ impl Platform {
 
     /// The path of the library for this program's processor in an FMU of FMI 2.0 or 3.0.
     #[must_use]
-    pub fn library_path(self, model_identifier: &str, is_fmi3: bool) -> String {
-        self.path_in(&self.folder_for_host(is_fmi3), model_identifier)
+    pub fn library_path(self, model_identifier: &str, version: Version) -> String {
+        self.path_in(&self.folder_for_host(version), model_identifier)
     }
 
     /// The platform's folder in `binaries/` of an FMU of FMI 2.0 or 3.0 for this program's processor.
     #[must_use]
-    pub fn folder_for_host(self, is_fmi3: bool) -> String {
-        let own = Architecture::host().filter(|own| is_fmi3 && self.architectures().contains(own));
+    pub fn folder_for_host(self, version: Version) -> String {
+        let own = Architecture::host()
+            .filter(|own| version == Version::Three && self.architectures().contains(own));
         own.map_or_else(|| self.folder().to_owned(), |own| self.tuple(own))
     }
 
@@ -186,7 +190,7 @@ impl Platform {
         match top {
             "sources" | "documentation" => false,
             "binaries" => {
-                [false, true].into_iter().any(|is_fmi3| self.folder_for_host(is_fmi3) == folder)
+                Version::ALL.into_iter().any(|version| self.folder_for_host(version) == folder)
                     || folder.parse::<Self>().is_err()
             }
             _ => true,
@@ -204,7 +208,7 @@ impl FromStr for Platform {
     type Err = io::Error;
 
     fn from_str(folder: &str) -> io::Result<Self> {
-        [false, true].into_iter().find_map(|is_fmi3| Self::of_folder(folder, is_fmi3)).ok_or_else(|| {
+        Version::ALL.into_iter().find_map(|version| Self::of_folder(folder, version)).ok_or_else(|| {
             let known = Self::ALL.map(Self::folder).join(", ");
             let message = format!("FMI 2.0 has no platform '{folder}'; it has {known}");
             io::Error::new(io::ErrorKind::InvalidInput, message)
@@ -219,7 +223,7 @@ mod tests {
     #[test]
     fn other_platforms_libraries_and_what_is_for_people_are_not_needed() {
         for platform in Platform::ALL {
-            for own in [false, true].map(|is_fmi3| platform.library_path("a", is_fmi3)) {
+            for own in Version::ALL.map(|version| platform.library_path("a", version)) {
                 assert!(platform.needs(&own), "{own}");
             }
             for path in

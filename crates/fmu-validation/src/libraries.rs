@@ -71,8 +71,8 @@ pub(crate) fn check(model: &Model<'_>, files: &mut Files, report: &mut Report) {
 
 /// A platform folder's format, and its processor, if known here.
 fn platform(folder: &str, version: Version) -> Option<(Format, Option<&'static [Architecture]>)> {
-    let of_fmi2 =
-        Platform::of_folder(folder, false).filter(|_| version < Version::Three || folder.contains('-'));
+    let of_fmi2 = Platform::of_folder(folder, Version::Two)
+        .filter(|_| version < Version::Three || folder.contains('-'));
     if let Some(platform) = of_fmi2 {
         return Some((platform.format(), Some(platform.architectures())));
     }

@@ -96,7 +96,7 @@ pub(super) fn documentation(
     let mut platforms = PlatformList::default();
     for (platform, library) in libraries {
         let library = Library::read(library)?;
-        for folder in library.folders(*platform, version == Version::Three) {
+        for folder in library.folders(*platform, version) {
             platforms.libraries.entry(folder).or_insert_with(|| library.clone());
         }
     }

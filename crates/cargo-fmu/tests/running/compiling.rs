@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use fmu_package::Platform;
+use fmu_terms::Version;
 
 use super::archives::write_archive;
 use super::careless::DESCRIPTION;
@@ -95,7 +96,7 @@ fn sources_are_compiled_as_the_build_description_says() {
 
 /// The path of the library of `gain` for this platform.
 fn library() -> String {
-    Platform::host().unwrap().library_path("gain", true)
+    Platform::host().unwrap().library_path("gain", Version::Three)
 }
 
 /// The static library is that of the second set.
@@ -166,7 +167,7 @@ fn careless_sources(bench: &Bench, name: &str, names: &str) {
 
 /// What the headers of FMI 2.0 before those of 2022 do: they prepend a prefix to the name of each function.
 fn prefixed(prefix: &str) -> String {
-    let names = fmu_package::functions(fmu_terms::Version::Two);
+    let names = fmu_package::functions(Version::Two);
     let names = names.map(|name| format!("#define {name} FULL({name})\n")).collect::<Vec<_>>().concat();
     format!(
         "#define PASTE(a, b) a##b\n#define PASTED(a, b) PASTE(a, b)\n#define FULL(name) PASTED({prefix}, name)\n{names}"

@@ -39,8 +39,8 @@ impl<'m, 'a> Variables<'m, 'a> {
         Self { model, arrays, first, indices: indices.collect() }
     }
 
-    fn is_fmi3(&self) -> bool {
-        self.model.fmi.version == Version::Three
+    fn version(&self) -> Version {
+        self.model.fmi.version
     }
 
     /// The position of a scalar's variable.
@@ -50,10 +50,9 @@ impl<'m, 'a> Variables<'m, 'a> {
 
     /// The number that refers to a position's variable: in FMI 2.0 its index, from 1.
     fn number(&self, position: usize) -> usize {
-        if self.is_fmi3() {
-            self.model.scalars[self.variable_of(position)].value_reference as usize
-        } else {
-            self.indices[position]
+        match self.version() {
+            Version::Two => self.indices[position],
+            Version::Three => self.model.scalars[self.variable_of(position)].value_reference as usize,
         }
     }
 
@@ -70,7 +69,10 @@ impl<'m, 'a> Variables<'m, 'a> {
             })
             .try_for_each(|position| self.write(writer, position))?;
         // Last, so that no index of another variable moves.
-        if self.is_fmi3() { Ok(()) } else { self.write_aliases(writer) }
+        match self.version() {
+            Version::Two => self.write_aliases(writer),
+            Version::Three => Ok(()),
+        }
     }
 
     /// Writes aliases: in FMI 2.0 variables of the same value reference (section 2.2.7), which an importer can only
@@ -112,8 +114,8 @@ impl<'m, 'a> Variables<'m, 'a> {
         let elements = array.map_or(slice::from_ref(&position), Vec::as_slice);
         let starts = elements.iter().map(|&element| self.model.scalars[element].start.as_ref());
         let starts = starts.map(|start| start.map(ToString::to_string)).collect::<Option<Vec<_>>>();
-        let has_texts =
-            self.is_fmi3() && matches!(scalar.data_type.data_type(), DataType::String | DataType::Binary);
+        let has_texts = self.version() == Version::Three
+            && matches!(scalar.data_type.data_type(), DataType::String | DataType::Binary);
         let numbers = starts.as_ref().filter(|_| !has_texts);
         let references = |positions: &[usize]| {
             positions.iter().map(|&position| self.reference(position)).collect::<Vec<_>>().join(" ")
@@ -130,8 +132,8 @@ impl<'m, 'a> Variables<'m, 'a> {
                 (scalar.reinit && self.model.fmi.interfaces.model_exchange()).then(|| true.to_string()),
             ),
         ]));
-        let name = scalar.data_type.data_type().name(self.model.fmi.version);
-        if !self.is_fmi3() {
+        let name = scalar.data_type.data_type().name(self.version());
+        if self.version() == Version::Two {
             let comment = format!(" index {} ", self.reference(position));
             writer.write_event(Event::Comment(BytesText::new(&comment)))?;
             return element(writer, "ScalarVariable", common, |writer| empty(writer, name, own));
@@ -210,7 +212,7 @@ impl<'m, 'a> Variables<'m, 'a> {
 
     /// Whether a variable can be exchanged between two internal steps of co-simulation, as in `fmu_export`'s runtime.
     fn has_intermediate_update(&self, scalar: &Scalar) -> bool {
-        self.is_fmi3()
+        self.version() == Version::Three
             && self.model.declaration.has_intermediate_updates()
             && self.model.fmi.interfaces.co_simulation()
             && scalar.data_type == DataType::Real
@@ -220,7 +222,7 @@ impl<'m, 'a> Variables<'m, 'a> {
 
     /// Writes unknowns: in FMI 2.0 in lists, which are not empty, otherwise as elements named after their list.
     pub(crate) fn write_structure(&self, writer: &mut XmlWriter, structure: &Structure) -> io::Result<()> {
-        if !self.is_fmi3() {
+        if self.version() == Version::Two {
             let lists = [
                 ("Outputs", &structure.outputs),
                 ("Derivatives", &structure.derivatives),

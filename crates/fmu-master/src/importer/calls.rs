@@ -5,9 +5,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use fmu_solve::display::Seconds;
 
-use super::c_boundary::{Handle, Vector};
+use super::c_boundary::{Common, Component, Experiment};
 use super::fmu::Fmu;
 use super::followed::Followed;
 use super::messages::{self, CallFailed, Called, Ended, Message, Status};
@@ -18,7 +17,9 @@ use super::watch::Watch;
 pub struct Calls {
     pub fmu: Arc<Fmu>,
     pub name: String,
-    pub handle: Rc<Handle>,
+    pub handle: Rc<dyn Common>,
+    /// What the FMU is told of the experiment.
+    pub experiment: Experiment,
     /// Whether the FMU has directional derivatives that were not found wrong.
     pub has_directional_derivatives: bool,
     /// The variables that are read at communication points and events, if there are any.
@@ -26,26 +27,38 @@ pub struct Calls {
     /// The inputs that follow functions of time, in Model Exchange, if there are any.
     pub followed: Option<Followed>,
     warnings: Vec<Message>,
-    /// Whether a warning has said that a step returned early though it may not.
-    has_returned_early: bool,
     /// The variables of which a warning has said that they are not numbers.
     not_numbers: BTreeSet<String>,
 }
 
 impl Calls {
-    pub fn new(fmu: Arc<Fmu>, name: &str, handle: Handle) -> Self {
+    pub fn new(fmu: Arc<Fmu>, name: &str, handle: Rc<dyn Common>) -> Self {
         let has_directional_derivatives = fmu.has_directional_derivatives();
         Self {
             fmu,
             name: name.to_owned(),
-            handle: Rc::new(handle),
+            handle,
+            experiment: Experiment::default(),
             has_directional_derivatives,
             watch: None,
             followed: None,
             warnings: vec![],
-            has_returned_early: false,
             not_numbers: BTreeSet::new(),
         }
+    }
+
+    fn component(&self) -> &Component {
+        self.handle.component()
+    }
+
+    /// The time that the instance has reached (s); none before the experiment is set up.
+    pub fn time(&self) -> Option<f64> {
+        self.component().time.get()
+    }
+
+    /// Takes note of the time that the instance has reached (s).
+    pub fn set_time(&self, time: Option<f64>) {
+        self.component().time.set(time);
     }
 
     /// The FMU's warnings since the last call of this function, the oldest first.
@@ -57,7 +70,7 @@ impl Calls {
     /// Warns of the FMU.
     pub fn warn(&mut self, text: String) {
         self.collect();
-        self.warnings.push(Message { status: Status::WARNING, text, time: self.handle.time.get() });
+        self.warnings.push(Message { status: Status::WARNING, text, time: self.time() });
     }
 
     /// Warns of values that are not numbers, once for each variable.
@@ -71,13 +84,23 @@ impl Calls {
 
     /// Keeps the warnings among messages.
     fn collect(&mut self) {
-        let messages = self.handle.take_messages().into_iter();
+        let messages = self.component().take_messages().into_iter();
         let warnings = messages.filter(|message| message.status == Status::WARNING);
         self.warnings.extend(warnings.map(|message| messages::with_names(message, self.fmu.description())));
     }
 
     /// Turns a call's status into a result.
-    pub fn check(&mut self, variables: &[String], Called { function, status }: Called) -> Result<()> {
+    pub fn check(&mut self, variables: &[String], called: Called) -> Result<()> {
+        self.check_with(variables, called, || None)
+    }
+
+    /// Turns a call's status into a result; an error has the time (s) that a discarded step has reached, if it is known.
+    pub fn check_with(
+        &mut self,
+        variables: &[String],
+        Called { function, status }: Called,
+        last_successful_time: impl FnOnce() -> Option<f64>,
+    ) -> Result<()> {
         if status == Status::OK {
             return Ok(());
         }
@@ -85,16 +108,14 @@ impl Calls {
             self.collect();
             return Ok(());
         }
-        let function = function.to_string();
-        let is_discarded_step = status == Status::DISCARD && function.ends_with("DoStep");
         bail!(CallFailed {
             instance: self.name.clone(),
             function,
             variables: variables.to_owned(),
-            time: self.handle.time.get(),
+            time: self.time(),
             status: Some(status),
-            messages: messages::telling(self.handle.take_messages(), self.fmu.description()),
-            last_successful_time: if is_discarded_step { self.handle.last_successful_time() } else { None },
+            messages: messages::telling(self.component().take_messages(), self.fmu.description()),
+            last_successful_time: last_successful_time(),
         });
     }
 
@@ -107,39 +128,6 @@ impl Calls {
         bail!(Ended { instance: self.name.clone(), time });
     }
 
-    /// Lets an FMU for co-simulation step, from a time (s) by a size (s). Returns the time (s) at which it returned early,
-    /// if it did.
-    pub fn do_step(&mut self, time: f64, size: f64) -> Result<Option<f64>> {
-        let called = self.handle.do_step(time, size);
-        // In FMI 2.0 the step is then discarded; in FMI 3.0 it succeeds.
-        let may_end = if self.fmu.description().is_fmi3() {
-            called.status.succeeded()
-        } else {
-            called.status == Status::DISCARD
-        };
-        if may_end && self.handle.terminates() {
-            return self.end(self.handle.last_successful_time().unwrap_or(time + size)).map(|()| None);
-        }
-        self.check(&[], called)?;
-        let early = self.handle.returned_early().filter(|reached| *reached < time + size);
-        if let Some(reached) = early {
-            // An event may be due at once.
-            let may_stay = self.handle.may_return_early && self.handle.has_event();
-            if reached < time || reached <= time && !may_stay {
-                bail!("{}: the step from {} s returned early, and has not moved", self.name, Seconds(time));
-            }
-            if !self.handle.may_return_early && !self.has_returned_early {
-                self.has_returned_early = true;
-                self.warn(format!(
-                    "fmi3DoStep returned early at {} s, though earlyReturnAllowed is false; it is called again",
-                    Seconds(reached)
-                ));
-            }
-        }
-        self.handle.time.set(Some(early.unwrap_or(time + size)));
-        Ok(early)
-    }
-
     /// Reads the variables of a selection of this FMU.
     pub fn read(&mut self, selection: &mut Selection, values: &mut [f64]) -> Result<()> {
         for group in &mut selection.groups {
@@ -147,7 +135,7 @@ impl Calls {
             group.scatter(values);
         }
         for texts in &mut selection.texts {
-            let (called, read) = self.handle.get_strings(texts.reference, texts.count());
+            let (called, read) = self.handle.get_strings(texts.reference, texts.count())?;
             self.check(&selection.names, called)?;
             texts.scatter(read, values);
         }
@@ -173,23 +161,5 @@ impl Calls {
             self.check(&selection.names, called)?;
         }
         Ok(())
-    }
-
-    /// Sets time (s), the inputs that follow it, and the continuous states.
-    pub fn go_to(&mut self, time: f64, states: &[f64]) -> Result<()> {
-        self.check(&[], self.handle.set_time(time))?;
-        self.follow(time)?;
-        if states.is_empty() {
-            return Ok(());
-        }
-        self.check(&[], self.handle.set_states(states))
-    }
-
-    /// Gets all numbers of a vector, unless it is empty.
-    pub fn get_vector(&mut self, vector: Vector, values: &mut [f64]) -> Result<()> {
-        if values.is_empty() {
-            return Ok(());
-        }
-        self.check(&[], self.handle.get_vector(vector, values))
     }
 }

@@ -15,9 +15,9 @@ use std::sync::Arc;
 use anyhow::Result;
 use fmu_solve::integrator::check_direction;
 
-use super::c_boundary::Vector;
 use super::calls::Calls;
 use super::columns::Columns;
+use super::exchange::Exchange;
 use super::messages::is_discarded;
 
 /// The lengths of the differences relative to the shortest, in the order in which they are tried. At the shortest, rounding
@@ -93,7 +93,7 @@ impl DerivativeCheck {
     /// When a call fails.
     pub fn find_wrong(
         &mut self,
-        calls: &mut Calls,
+        (calls, exchange): (&mut Calls, &Exchange),
         columns: &Columns<'_>,
         products: &[f64],
         at: &Use<'_>,
@@ -110,7 +110,7 @@ impl DerivativeCheck {
             for column in 0..at.states.len() {
                 self.direction[column] = check_direction(column) * scale(at, column);
             }
-            suspect = self.contradiction(calls, columns, products, at)?;
+            suspect = self.contradiction((calls, exchange), columns, products, at)?;
             if !is_first && suspect.is_none() {
                 return Ok(None);
             }
@@ -120,7 +120,7 @@ impl DerivativeCheck {
             for column in columns.states(direction) {
                 self.direction[column] = scale(at, column);
             }
-            if let Some(row) = self.contradiction(calls, columns, products, at)? {
+            if let Some(row) = self.contradiction((calls, exchange), columns, products, at)? {
                 let [low, high] = self.quotients[row];
                 let column = columns.column(row, direction);
                 let quotient = f64::midpoint(low, high) / column.map_or(1.0, |column| self.direction[column]);
@@ -135,7 +135,7 @@ impl DerivativeCheck {
     /// The first row whose product with the direction differs from all difference quotients.
     fn contradiction(
         &mut self,
-        calls: &mut Calls,
+        (calls, exchange): (&mut Calls, &Exchange),
         columns: &Columns<'_>,
         products: &[f64],
         at: &Use<'_>,
@@ -173,8 +173,7 @@ impl DerivativeCheck {
             {
                 *moved = state + length * direction;
             }
-            calls.go_to(at.time, &self.states)?;
-            match calls.get_vector(Vector::Derivatives, &mut self.derivatives) {
+            match exchange.derivatives_at(calls, at.time, &self.states, &mut self.derivatives) {
                 Err(error) if !is_discarded(&error) => return Err(error),
                 Ok(()) if self.derivatives.iter().all(|derivative| derivative.is_finite()) => {}
                 // The equations are not valid there.

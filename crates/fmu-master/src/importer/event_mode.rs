@@ -1,6 +1,7 @@
 //! Event Mode: time events and clocks, in Model Exchange and in co-simulation of FMI 3.0.
 
 use std::ffi::c_int;
+use std::rc::Rc;
 
 use anyhow::{Result, bail};
 use fmu_abi::fmi2::c_types::ValueReference;
@@ -9,8 +10,10 @@ use fmu_solve::display::Seconds;
 use fmu_solve::time::coincidence;
 use fmu_terms::IntervalVariability;
 
+use super::c_boundary::{Clocks, EventHandling};
 use super::calls::Calls;
 use super::fmu::{input_clocks, reference};
+use super::stepping::Stepping;
 
 /// The most updates of discrete states at one time, and the most early returns.
 const MOST_ITERATIONS: u32 = 1000;
@@ -20,6 +23,7 @@ const CHANGED: c_int = 2;
 /// The times of an instance's events, and whether it is in Event Mode.
 #[derive(Clone)]
 pub struct EventMode {
+    handle: Rc<dyn EventHandling>,
     phase: Phase,
     /// The time of the FMU's next time event (s).
     announced: Option<f64>,
@@ -41,6 +45,7 @@ enum Phase {
 /// them.
 #[derive(Clone)]
 struct InputClock {
+    handle: Rc<dyn Clocks>,
     name: String,
     reference: ValueReference,
     timing: Timing,
@@ -66,9 +71,10 @@ enum Timing {
 impl EventMode {
     /// # Errors
     /// When the value reference of a clock is not a number.
-    pub fn new(calls: &Calls) -> Result<Self> {
+    pub fn new(calls: &Calls, handle: Rc<dyn EventHandling>) -> Result<Self> {
         let mut clocks = vec![];
         for clock in input_clocks(calls.fmu.description()) {
+            let Some(handle) = Rc::clone(&handle).clocks() else { break };
             let timing = match clock.interval_variability.meaning() {
                 Some(IntervalVariability::Constant | IntervalVariability::Fixed) => Timing::Periodic,
                 Some(IntervalVariability::Tunable | IntervalVariability::Changing) => Timing::Changing,
@@ -78,6 +84,7 @@ impl EventMode {
             let reference = reference(clock)?;
             let name = clock.name.clone();
             clocks.push(InputClock {
+                handle,
                 name,
                 reference,
                 timing,
@@ -88,6 +95,7 @@ impl EventMode {
             });
         }
         Ok(Self {
+            handle,
             phase: Phase::Initialization,
             announced: None,
             last: f64::NEG_INFINITY,
@@ -99,9 +107,9 @@ impl EventMode {
     /// Reads when periodic clocks tick; called in Initialization Mode, at its time (s).
     pub fn initialize(&mut self, calls: &mut Calls, time: f64) -> Result<()> {
         for clock in self.clocks.iter_mut().filter(|clock| clock.timing != Timing::Countdown) {
-            let (called, interval, _) = calls.handle.interval(clock.reference);
+            let (called, interval, _) = clock.handle.interval(clock.reference);
             calls.check(&[], called)?;
-            let (called, shift) = calls.handle.shift(clock.reference);
+            let (called, shift) = clock.handle.shift(clock.reference);
             calls.check(&[], called)?;
             clock.check(calls, interval)?;
             if !(shift >= 0.0 && shift.is_finite()) {
@@ -153,7 +161,7 @@ impl EventMode {
         if self.phase != Phase::BetweenEvents {
             return Ok(());
         }
-        let called = calls.handle.enter_event_mode();
+        let called = self.handle.enter_event_mode();
         calls.check(&[], called)?;
         self.phase = Phase::EventMode;
         Ok(())
@@ -172,11 +180,11 @@ impl EventMode {
         calls.begin_stretch(time)?;
         for _ in 0..MOST_ITERATIONS {
             for clock in self.clocks.iter_mut().filter(|clock| clock.is_due(time + late)) {
-                let called = calls.handle.tick(clock.reference);
+                let called = clock.handle.tick(clock.reference);
                 calls.check(&[], called)?;
                 clock.has_ticked(time);
             }
-            let (called, discrete) = calls.handle.update_discrete_states();
+            let (called, discrete) = self.handle.update_discrete_states();
             calls.check(&[], called)?;
             if discrete.terminates {
                 return calls.end(time);
@@ -186,7 +194,7 @@ impl EventMode {
                 continue;
             }
             for clock in self.clocks.iter_mut().filter(|clock| clock.timing != Timing::Periodic) {
-                let (called, interval, qualifier) = calls.handle.interval(clock.reference);
+                let (called, interval, qualifier) = clock.handle.interval(clock.reference);
                 calls.check(&[], called)?;
                 if qualifier == CHANGED {
                     clock.check(calls, interval)?;
@@ -199,7 +207,7 @@ impl EventMode {
                 }
             }
             if !self.clocks.iter().any(|clock| clock.is_due(time + late)) {
-                let called = calls.handle.leave_event_mode();
+                let called = self.handle.leave_event_mode();
                 calls.check(&[], called)?;
                 self.phase = Phase::BetweenEvents;
                 return if is_watched { calls.watch_event(time, true) } else { Ok(()) };
@@ -214,7 +222,13 @@ impl EventMode {
     }
 
     /// Steps an FMU for co-simulation from a time (s) by a size (s), and handles its events before the end.
-    pub fn co_simulate(&mut self, calls: &mut Calls, start: f64, size: f64) -> Result<()> {
+    pub fn co_simulate(
+        &mut self,
+        calls: &mut Calls,
+        stepping: &mut Stepping,
+        start: f64,
+        size: f64,
+    ) -> Result<()> {
         let end = start + size;
         let mut time = start;
         if self.is_entered() {
@@ -224,7 +238,8 @@ impl EventMode {
         let mut returns = 0;
         while time < end {
             let next = self.next().filter(|due| time < *due && *due < end - late).unwrap_or(end);
-            let reached = calls.do_step(time, next - time)?.unwrap_or(next);
+            let step = stepping.step(calls, time, next - time)?;
+            let reached = step.early_return.unwrap_or(next);
             returns = if reached > time + late { 0 } else { returns + 1 };
             if returns > MOST_ITERATIONS {
                 bail!(
@@ -235,7 +250,7 @@ impl EventMode {
                 );
             }
             time = reached;
-            self.has_event = calls.handle.has_event();
+            self.has_event = step.has_event;
             if time < end && self.has_due(time + late) {
                 self.handle(calls, (time, late), true)?;
             }

@@ -13,9 +13,9 @@ use fmu_package::{
     BuildConfiguration, FmuDescription, FmuVariable, Function, MODEL_DESCRIPTION, Platform, read_xml,
 };
 use fmu_solve::integrator::Pattern;
-use fmu_terms::{Causality, DataType, Interface, like};
+use fmu_terms::{Causality, DataType, Interface, Version, like};
 
-use super::c_boundary::Functions;
+use super::c_boundary::Loaded;
 use super::folder::extract;
 
 /// The capability flag of FMUs with a single instance per process, for [`Fmu::has_capability`].
@@ -38,9 +38,9 @@ pub struct Fmu {
     pub(super) states: Arc<[State]>,
     /// Where the Jacobian of the states has elements, by `ModelStructure`.
     pub(super) pattern: Arc<Pattern>,
-    /// Whether the FMU's instances need Event Mode: in Model Exchange, and for clocks.
+    /// Whether the FMU needs Event Mode in co-simulation: for clocks.
     pub(super) needs_event_mode: bool,
-    pub(super) functions: Arc<Functions>,
+    pub(super) loaded: Arc<Loaded>,
 }
 
 /// The description in a file, with the elements of arrays.
@@ -111,15 +111,14 @@ impl Fmu {
             Some(description) => description,
             None => described(&folder.path().join(MODEL_DESCRIPTION))?,
         };
-        let version = description.attribute("fmiVersion");
-        let is_fmi3 = description.is_fmi3();
-        if !version.starts_with("2.") && !is_fmi3 {
-            bail!("it is an FMI {version} FMU; only FMI 2.0 and 3.0 are supported");
+        let (declared, version) = (description.attribute("fmiVersion"), description.version());
+        if version == Version::Two && !declared.starts_with("2.") {
+            bail!("it is an FMI {declared} FMU; only FMI 2.0 and 3.0 are supported");
         }
         let (interface, identifier) = chosen(&description, interface)?;
-        let name = platform.library_path(identifier, is_fmi3);
-        let library = folder.path().join(&name);
-        if !library.is_file() {
+        let name = platform.library_path(identifier, version);
+        let file = folder.path().join(&name);
+        if !file.is_file() {
             let has_sources = has_build_description || !description.source_files.is_empty();
             let remedy = if has_sources {
                 format!("; `{} compile {}` compiles its C sources", terminal::program(), path.display())
@@ -128,15 +127,18 @@ impl Fmu {
             };
             bail!("it has no {name}: it is not for this platform{remedy}");
         }
-        refuse_cut_short(reading::open(&library)?).with_context(|| format!("its {name}"))?;
+        refuse_cut_short(reading::open(&file)?).with_context(|| format!("its {name}"))?;
         let is_exchange = interface == Interface::ModelExchange;
-        let needs_event_mode = is_exchange || needs_event_mode(&description)?;
+        let needs_event_mode = !is_exchange && needs_event_mode(&description)?;
         let (states, pattern) = if is_exchange {
             (states(&description)?, pattern(&description)?)
         } else {
             (vec![], Pattern::full())
         };
-        let functions = Functions::load(folder, &library, is_fmi3, is_exchange, needs_event_mode)?;
+        let loaded = Loaded::new(folder, &file, version, interface)?;
+        if needs_event_mode {
+            loaded.refuse_no_event_mode()?;
+        }
         Ok(Self {
             path: path.to_owned(),
             interface,
@@ -146,7 +148,7 @@ impl Fmu {
             needs_event_mode,
             conversions: BTreeMap::new(),
             thresholds: BTreeMap::new(),
-            functions: Arc::new(functions),
+            loaded: Arc::new(loaded),
         })
     }
 
@@ -170,7 +172,7 @@ impl Fmu {
             description,
             conversions,
             thresholds,
-            functions: Arc::clone(&self.functions),
+            loaded: Arc::clone(&self.loaded),
         })
     }
 
@@ -216,13 +218,13 @@ impl Fmu {
         if self.interface == Interface::ModelExchange {
             bail!("it runs by Model Exchange, which handles events anyway");
         }
-        if !self.description.is_fmi3() {
+        if self.description.version() == Version::Two {
             bail!("co-simulation of FMI 2.0 has no Event Mode");
         }
         if !self.has_capability(EVENT_MODE) {
             bail!("it has no Event Mode in co-simulation ({EVENT_MODE} is false)");
         }
-        self.functions.refuse_no_events()
+        Ok(self.loaded.refuse_no_event_mode()?)
     }
 
     /// A variable, by its name.

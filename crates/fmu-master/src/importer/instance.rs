@@ -7,19 +7,21 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use fmu_abi::fmi2::c_types::{FmuState, ValueReference};
+use fmu_abi::ValueReference;
 use fmu_package::{FmuVariable, ParameterSet, Value};
 use fmu_solve::time::coincidence;
+use fmu_terms::Version;
 
-use super::Interface;
-use super::c_boundary::Handle;
+use super::c_boundary::{Common, Experiment, Handle, NotMade, Saved, UseOfEvents};
 use super::calls::Calls;
 use super::event_mode::EventMode;
+use super::exchange::Exchange;
 use super::fmu::{Fmu, reference};
 use super::folder;
 use super::integration::Integration;
 use super::messages::{self, CallFailed, Message};
 use super::selection::Selection;
+use super::stepping::Stepping;
 
 impl Fmu {
     /// Creates an instance, with logging on. An FMU with the flag [`ONLY_ONCE`](super::ONLY_ONCE) allows one per process.
@@ -41,39 +43,52 @@ impl Fmu {
     }
 
     fn instance(self: &Arc<Self>, name: &str, may_return_early: bool) -> Result<Instance> {
-        let uses_event_mode = self.needs_event_mode || may_return_early;
-        let resources = self.functions.folder.path().join("resources");
-        let resources = if self.description().is_fmi3() {
-            format!("{}{MAIN_SEPARATOR}", resources.display())
-        } else {
-            folder::uri(&resources)
+        let resources = self.loaded.folder().join("resources");
+        let resources = match self.description().version() {
+            Version::Two => folder::uri(&resources),
+            Version::Three => format!("{}{MAIN_SEPARATOR}", resources.display()),
         };
         let texts = [name, self.description().guid(), &resources].map(CString::new);
         let [Ok(name_text), Ok(guid), Ok(resources)] = texts else {
             bail!("the name {name:?} contains a NUL byte")
         };
-        match Handle::new(
-            &self.functions,
-            name,
-            [uses_event_mode, may_return_early],
-            [name_text, guid, resources],
-        ) {
-            Ok(handle) => {
-                let calls = Calls::new(Arc::clone(self), name, handle);
-                let events = uses_event_mode.then(|| EventMode::new(&calls)).transpose()?;
-                Ok(Instance { calls, events, integration: None, arrays: Some(BTreeMap::new()) })
+        let in_event_mode = self.needs_event_mode || may_return_early;
+        let events = UseOfEvents { in_event_mode, by_early_return: may_return_early };
+        let handle = self.loaded.instantiate([name_text, guid, resources], events);
+        let handle = handle.map_err(|NotMade { function, messages }| CallFailed {
+            instance: name.to_owned(),
+            function,
+            variables: vec![],
+            time: None,
+            status: None,
+            last_successful_time: None,
+            messages: messages::telling(messages, self.description()),
+        })?;
+        let calls = Calls::new(Arc::clone(self), name, handle.common());
+        let advance = match handle {
+            Handle::CoSimulation(handle) => {
+                Advance::CoSimulation(Stepping::new(handle, may_return_early), None)
             }
-            Err((function, messages)) => bail!(CallFailed {
-                instance: name.to_owned(),
-                function: function.to_string(),
-                variables: vec![],
-                time: None,
-                status: None,
-                last_successful_time: None,
-                messages: messages::telling(messages, self.description()),
-            }),
-        }
+            Handle::EventCoSimulation(handle) => Advance::CoSimulation(
+                Stepping::new(Rc::clone(&handle) as _, may_return_early),
+                Some(EventMode::new(&calls, handle)?),
+            ),
+            Handle::ModelExchange(handle) => Advance::ModelExchange(
+                Exchange::new(Rc::clone(&handle)),
+                EventMode::new(&calls, handle)?,
+                None,
+            ),
+        };
+        Ok(Instance { calls, advance, arrays: Some(BTreeMap::new()) })
     }
+}
+
+/// How an instance goes on in time.
+enum Advance {
+    /// The FMU steps, and handles its events in Event Mode if it uses that.
+    CoSimulation(Stepping, Option<EventMode>),
+    /// This crate integrates the FMU's equations, once it is initialized.
+    ModelExchange(Exchange, EventMode, Option<Box<Integration>>),
 }
 
 /// An instance of an [`Fmu`], bound to the thread that created it. Dropping it terminates and frees it.
@@ -86,29 +101,39 @@ impl Fmu {
 /// the FMU is not called again.
 pub struct Instance {
     pub(super) calls: Calls,
-    /// The events, in Model Exchange and in co-simulation with Event Mode.
-    pub(super) events: Option<EventMode>,
-    /// The integration, in Model Exchange once initialized.
-    integration: Option<Integration>,
+    advance: Advance,
     /// The arrays that were set before Initialization Mode, when they cannot be read; none after.
     arrays: Option<BTreeMap<ValueReference, Vec<f64>>>,
 }
 
 /// A saved state, which the instance can restore any number of times.
 pub struct SavedState {
-    state: FmuState,
-    /// Whether `Terminate` is due in the saved state.
-    steps: bool,
-    handle: Rc<Handle>,
+    saved: Saved,
+    handle: Rc<dyn Common>,
     time: Option<f64>,
     events: Option<EventMode>,
-    integration: Option<Integration>,
+    integration: Option<Box<Integration>>,
     arrays: Option<BTreeMap<ValueReference, Vec<f64>>>,
 }
 
 impl Drop for SavedState {
     fn drop(&mut self) {
-        self.handle.free_state(self.state);
+        self.handle.free_state(self.saved);
+    }
+}
+
+impl Advance {
+    /// The events, if the instance uses Event Mode, and the integration, if there is one.
+    fn parts(&mut self) -> (Option<&mut EventMode>, Option<&mut Box<Integration>>) {
+        match self {
+            Self::CoSimulation(_, events) => (events.as_mut(), None),
+            Self::ModelExchange(_, events, integration) => (Some(events), integration.as_mut()),
+        }
+    }
+
+    /// The events, if the instance uses Event Mode.
+    fn events_mut(&mut self) -> Option<&mut EventMode> {
+        self.parts().0
     }
 }
 
@@ -139,7 +164,7 @@ impl Instance {
     /// Sets the relative tolerance of the FMU's integrator, before [`Instance::set_up`]. In Model Exchange it is that
     /// of this crate's integrator; the default there is [`DEFAULT_TOLERANCE`](fmu_solve::DEFAULT_TOLERANCE).
     pub fn set_tolerance(&mut self, tolerance: Option<f64>) {
-        self.calls.handle.tolerance.set(tolerance);
+        self.calls.experiment.tolerance = tolerance;
     }
 
     /// Sets the experiment's times (s); values may be set before. FMUs of FMI 3.0 get them on
@@ -148,9 +173,12 @@ impl Instance {
     /// # Errors
     /// When the call fails.
     pub fn set_up(&mut self, start_time: f64, stop_time: Option<f64>) -> Result<()> {
-        let called = self.calls.handle.setup_experiment(start_time, stop_time);
-        self.calls.check(&[], called)?;
-        self.calls.handle.time.set(Some(start_time));
+        let experiment = Experiment { start_time, stop_time, ..self.calls.experiment };
+        self.calls.experiment = experiment;
+        if let Some(called) = self.calls.handle.set_up_experiment(&experiment) {
+            self.calls.check(&[], called)?;
+        }
+        self.calls.set_time(Some(start_time));
         Ok(())
     }
 
@@ -159,7 +187,7 @@ impl Instance {
     /// # Errors
     /// When the call fails.
     pub fn enter_initialization(&mut self) -> Result<()> {
-        let called = self.calls.handle.enter_initialization_mode();
+        let called = self.calls.handle.enter_initialization_mode(&self.calls.experiment);
         self.calls.check(&[], called)?;
         self.arrays = None;
         Ok(())
@@ -171,24 +199,24 @@ impl Instance {
     /// When the call fails.
     pub fn exit_initialization(&mut self) -> Result<()> {
         self.leave_initialization()?;
-        let time = self.calls.handle.time.get().unwrap_or(0.0);
+        let time = self.calls.time().unwrap_or(0.0);
         self.finish_event(time, time)
     }
 
     /// Ends the initialization. An FMU with Event Mode is in Event Mode then.
     pub(crate) fn leave_initialization(&mut self) -> Result<()> {
-        let Self { calls, events, integration, .. } = self;
-        let time = calls.handle.time.get().unwrap_or(0.0);
-        if let Some(events) = &mut *events {
+        let Self { calls, advance, .. } = self;
+        let time = calls.time().unwrap_or(0.0);
+        if let Some(events) = advance.events_mut() {
             events.initialize(calls, time)?;
         }
         let called = calls.handle.exit_initialization_mode();
         calls.check(&[], called)?;
-        if let Some(events) = events {
+        if let Some(events) = advance.events_mut() {
             events.begin();
-            if calls.fmu.interface() == Interface::ModelExchange {
-                *integration = Some(Integration::new(calls, time)?);
-            }
+        }
+        if let Advance::ModelExchange(exchange, _, integration) = advance {
+            *integration = Some(Box::new(Integration::new(calls, exchange, time)?));
         }
         Ok(())
     }
@@ -225,25 +253,44 @@ impl Instance {
 
     /// Steps as [`Instance::step`] does, but leaves events at the end of the step to the communication point there.
     pub(crate) fn advance(&mut self, time: f64, size: f64) -> Result<()> {
-        let Self { calls, events, integration, .. } = self;
-        match (events, integration) {
-            (Some(events), Some(integration)) => integration.step(calls, events, time, size),
-            (Some(events), None) => events.co_simulate(calls, time, size),
-            (None, _) => {
+        let Self { calls, advance, .. } = self;
+        match advance {
+            Advance::ModelExchange(_, events, Some(integration)) => {
+                integration.step(calls, events, time, size)
+            }
+            Advance::ModelExchange(..) => bail!("{}: the instance is not initialized", calls.name),
+            Advance::CoSimulation(stepping, Some(events)) => events.co_simulate(calls, stepping, time, size),
+            Advance::CoSimulation(stepping, None) => {
                 let end = time + size;
-                let mut early = calls.do_step(time, size)?;
+                let mut early = stepping.step(calls, time, size)?.early_return;
                 while let Some(reached) = early {
-                    early = calls.do_step(reached, end - reached)?;
+                    early = stepping.step(calls, reached, end - reached)?.early_return;
                 }
                 Ok(())
             }
         }
     }
 
+    /// The events, in Model Exchange and in co-simulation with Event Mode.
+    pub(super) fn events(&self) -> Option<&EventMode> {
+        match &self.advance {
+            Advance::CoSimulation(_, events) => events.as_ref(),
+            Advance::ModelExchange(_, events, _) => Some(events),
+        }
+    }
+
+    /// The FMU's equations, in Model Exchange.
+    pub(super) fn exchange(&self) -> Option<&Exchange> {
+        match &self.advance {
+            Advance::CoSimulation(..) => None,
+            Advance::ModelExchange(exchange, ..) => Some(exchange),
+        }
+    }
+
     /// Whether the FMU has to act at a communication point in Event Mode: there are events until a time (s), or
     /// changed inputs.
     pub(crate) fn is_due(&self, until: f64) -> bool {
-        self.events.as_ref().is_some_and(|events| events.is_due(until))
+        self.events().is_some_and(|events| events.is_due(until))
     }
 
     /// Whether an input that follows a course jumps until a time (s).
@@ -253,14 +300,15 @@ impl Instance {
 
     /// Whether the FMU has events until a time (s) other than changes of inputs.
     pub(crate) fn has_due_events(&self, until: f64) -> bool {
-        self.events.as_ref().is_some_and(|events| events.has_due(until))
+        self.events().is_some_and(|events| events.has_due(until))
     }
 
     /// Brings an FMU with Event Mode to a communication point (s), whose events are until a time (s), and enters it. Its
     /// inputs can be set then.
     pub(crate) fn begin_event(&mut self, point: f64, until: f64) -> Result<()> {
-        let Self { calls, events, integration, .. } = self;
-        let Some(events) = events.as_mut().filter(|events| !events.is_entered()) else { return Ok(()) };
+        let Self { calls, advance, .. } = self;
+        let (events, integration) = advance.parts();
+        let Some(events) = events.filter(|events| !events.is_entered()) else { return Ok(()) };
         let time = events.time_at(point, until);
         if let Some(integration) = integration {
             integration.go_to(calls, time)?;
@@ -271,7 +319,8 @@ impl Instance {
 
     /// Handles the events at a communication point (s), until a time (s), and leaves Event Mode.
     pub(crate) fn finish_event(&mut self, point: f64, until: f64) -> Result<()> {
-        let Self { calls, events, integration, .. } = self;
+        let Self { calls, advance, .. } = self;
+        let (events, integration) = advance.parts();
         let Some(events) = events else { return Ok(()) };
         let time = events.time_at(point, until);
         let late = until - time;
@@ -286,7 +335,7 @@ impl Instance {
 
     /// Enters Event Mode, if the instance has it, before a value is set.
     fn prepare_to_set(&mut self) -> Result<()> {
-        match &mut self.events {
+        match self.advance.events_mut() {
             Some(events) => events.enter(&mut self.calls),
             None => Ok(()),
         }
@@ -294,7 +343,7 @@ impl Instance {
 
     /// Rejects a selection of another FMU.
     pub(super) fn refuse_other(&self, selection: &Selection) -> Result<()> {
-        if Arc::ptr_eq(&selection.functions, &self.calls.fmu.functions) {
+        if Arc::ptr_eq(&selection.loaded, &self.calls.fmu.loaded) {
             return Ok(());
         }
         bail!("{}: the variables were selected from another FMU", self.calls.name)
@@ -412,17 +461,17 @@ impl Instance {
     /// # Errors
     /// When the FMU cannot save its state (capability `canGetAndSetFMUstate`), or the call fails.
     pub fn save(&mut self) -> Result<SavedState> {
-        let Some((called, state, steps)) = self.calls.handle.get_state() else {
+        let Ok((called, saved)) = self.calls.handle.get_state() else {
             bail!("{}: the FMU cannot save its state", self.calls.name);
         };
         self.calls.check(&[], called)?;
+        let (events, integration) = self.advance.parts();
         Ok(SavedState {
-            state,
-            steps,
+            saved,
             handle: Rc::clone(&self.calls.handle),
-            time: self.calls.handle.time.get(),
-            events: self.events.clone(),
-            integration: self.integration.clone(),
+            time: self.calls.time(),
+            events: events.cloned(),
+            integration: integration.cloned(),
             arrays: self.arrays.clone(),
         })
     }
@@ -435,13 +484,20 @@ impl Instance {
         if !Rc::ptr_eq(&self.calls.handle, &saved.handle) {
             bail!("{}: the state belongs to another instance", self.calls.name);
         }
-        let Some(called) = self.calls.handle.set_state(saved.state, saved.steps) else {
+        let Ok(called) = self.calls.handle.set_state(saved.saved) else {
             bail!("{}: the FMU cannot restore its state", self.calls.name);
         };
         self.calls.check(&[], called)?;
-        self.calls.handle.time.set(saved.time);
-        self.events.clone_from(&saved.events);
-        self.integration.clone_from(&saved.integration);
+        self.calls.set_time(saved.time);
+        match &mut self.advance {
+            Advance::CoSimulation(_, events) => events.clone_from(&saved.events),
+            Advance::ModelExchange(_, events, integration) => {
+                if let Some(saved) = &saved.events {
+                    events.clone_from(saved);
+                }
+                integration.clone_from(&saved.integration);
+            }
+        }
         self.arrays.clone_from(&saved.arrays);
         if let Some(followed) = &mut self.calls.followed {
             followed.forget();

@@ -19,6 +19,7 @@ use super::calls::Calls;
 use super::columns::Columns;
 use super::derivative_check::{DerivativeCheck, Use, Wrong};
 use super::event_mode::EventMode;
+use super::exchange::Exchange;
 use super::messages::is_discarded;
 
 /// The most trials and events in a hundredth of a communication step, which must end.
@@ -42,6 +43,7 @@ pub struct Integration {
 /// What evaluates an FMU's equations.
 #[derive(Clone)]
 struct Equations {
+    exchange: Exchange,
     /// The references of the derivatives and of the states, arrays as a whole.
     derivatives: Vec<ValueReference>,
     states: Vec<ValueReference>,
@@ -67,7 +69,7 @@ impl Equations {
         for number in columns.directions() {
             direction.fill(0.0);
             columns.states(number).for_each(|state| direction[state] = 1.0);
-            let called = calls.handle.directional_derivative(of, by, direction, along);
+            let called = calls.handle.directional_derivative(of, by, direction, along)?;
             calls.check(&[], called)?;
             for (row, along) in along.iter().enumerate() {
                 products[columns.place(row, number)] = *along;
@@ -85,13 +87,13 @@ impl Equations {
         columns: &Columns<'_>,
         products: &mut [f64],
     ) -> Result<()> {
-        let Self { direction: moved, along, here, .. } = self;
+        let Self { exchange, direction: moved, along, here, .. } = self;
         for number in columns.directions() {
             moved.copy_from_slice(states);
             for state in columns.states(number) {
                 moved[state] += f64::EPSILON.sqrt() * states[state].abs().max(nominals[state]);
             }
-            evaluate(calls, time, moved, along)?;
+            exchange.derivatives_at(calls, time, moved, along)?;
             for (row, (along, here)) in along.iter().zip(&*here).enumerate() {
                 let column = columns.column(row, number);
                 products[columns.place(row, number)] =
@@ -135,7 +137,7 @@ fn pattern_by_element(calls: &mut Calls) -> Result<Option<Pattern>> {
         return Ok(None);
     }
     let rows = rows_by_element(&arrays, |places| {
-        let (called, dependencies) = calls.handle.dependencies(fmu.states[places.start].derivative);
+        let (called, dependencies) = calls.handle.dependencies(fmu.states[places.start].derivative)?;
         calls.check(&[], called)?;
         Ok(dependencies)
     });
@@ -172,7 +174,7 @@ fn elements(places: &Range<usize>, number: usize) -> Option<Range<usize>> {
 
 impl Integration {
     /// Starts after the initialization, at its time (s). The initial event follows.
-    pub fn new(calls: &mut Calls, time: f64) -> Result<Self> {
+    pub fn new(calls: &mut Calls, exchange: &Exchange, time: f64) -> Result<Self> {
         let indicators = calls.fmu.description().number_of_event_indicators()?;
         let size = calls.fmu.states.len();
         let mut derivatives: Vec<_> = calls.fmu.states.iter().map(|state| state.derivative).collect();
@@ -188,6 +190,7 @@ impl Integration {
             states: vec![0.0; size],
             nominals: vec![1.0; size],
             equations: Equations {
+                exchange: exchange.clone(),
                 derivatives,
                 states,
                 direction: vec![0.0; size],
@@ -204,7 +207,7 @@ impl Integration {
 
     /// Brings the FMU to a time (s), at the present states.
     pub fn go_to(&self, calls: &mut Calls, time: f64) -> Result<()> {
-        calls.go_to(time, &self.states)
+        self.equations.exchange.go_to(calls, time, &self.states)
     }
 
     /// Handles an event as [`EventMode::handle`] does. If `is_sharp`, the solution may bend there and the integrator
@@ -221,15 +224,16 @@ impl Integration {
         self.time = time;
         let before = &mut self.equations.direction;
         before.copy_from_slice(&self.states);
-        calls.get_vector(Vector::States, &mut self.states)?;
+        let exchange = &self.equations.exchange;
+        exchange.get_vector(calls, Vector::States, &mut self.states)?;
         if is_sharp || *before != self.states {
             self.integrator.restart();
         }
-        calls.get_vector(Vector::Nominals, &mut self.nominals)?;
+        exchange.get_vector(calls, Vector::Nominals, &mut self.nominals)?;
         for nominal in &mut self.nominals {
             *nominal = if *nominal == 0.0 || !nominal.is_finite() { 1.0 } else { nominal.abs() };
         }
-        read_indicators(calls, &mut self.equations.indicators, time)?;
+        exchange.read_indicators(calls, &mut self.equations.indicators, time)?;
         let Self { events, equations, .. } = self;
         Ok(events.begin(time, &[], |indicators| indicators.copy_from_slice(&equations.indicators))?)
     }
@@ -237,7 +241,7 @@ impl Integration {
     /// Steps from a time (s) by a size (s).
     pub fn step(&mut self, calls: &mut Calls, events: &mut EventMode, start: f64, size: f64) -> Result<()> {
         let end = start + size;
-        let relative = calls.handle.tolerance.get().unwrap_or(DEFAULT_TOLERANCE);
+        let relative = calls.experiment.tolerance.unwrap_or(DEFAULT_TOLERANCE);
         if events.is_entered() {
             self.handle(calls, events, (self.time, 0.0), false, false)?;
         }
@@ -248,7 +252,7 @@ impl Integration {
         // Events at the end belong to the communication point there.
         EventLoop::new((start, size, End::of_any(start, size)), true, MOST_TRIALS)
             .go_on::<false, _>(&mut evolution, Stops::NONE)?;
-        calls.handle.time.set(Some(end));
+        calls.set_time(Some(end));
         Ok(())
     }
 }
@@ -311,12 +315,8 @@ impl Hybrid for Evolution<'_> {
         };
         *place = path.place;
         *time = path.solved.time(*place);
-        let (called, [event, terminates]) = calls.handle.completed_integrator_step();
-        calls.check(&[], called)?;
-        if terminates {
-            calls.end(*time)?;
-        }
-        Ok(has_event || event)
+        let has_other = path.solved.equations.exchange.complete_step(path.solved.calls, *time)?;
+        Ok(has_event || has_other)
     }
 
     fn handle(&mut self, due: Option<f64>) -> Result<bool> {
@@ -324,7 +324,7 @@ impl Hybrid for Evolution<'_> {
         let mut time = integration.time;
         if let Some(due) = due.filter(|due| *due > time) {
             time = due;
-            calls.go_to(time, &integration.states)?;
+            integration.go_to(calls, time)?;
         }
         // A jump of an input is no event.
         let is_watched = due.is_none() || event_mode.has_due(time);
@@ -339,21 +339,6 @@ impl Hybrid for Evolution<'_> {
             Seconds(self.start),
             Seconds(self.integration.time)
         )
-    }
-}
-
-/// Reads the event indicators, which have signs only if they are finite.
-fn read_indicators(calls: &mut Calls, indicators: &mut [f64], time: f64) -> Result<()> {
-    calls.get_vector(Vector::Indicators, indicators)?;
-    match indicators.iter().position(|indicator| !indicator.is_finite()) {
-        Some(wrong) => bail!(
-            "{}: the event indicator {} is {} at {} s",
-            calls.name,
-            wrong + 1,
-            indicators[wrong],
-            Seconds(time)
-        ),
-        None => Ok(()),
     }
 }
 
@@ -383,13 +368,14 @@ impl Solved<'_> {
         products: &mut [f64],
         by_time: &mut [f64],
     ) -> Result<()> {
-        evaluate(self.calls, time, states, &mut self.equations.here)?;
+        let Equations { exchange, here, .. } = &mut *self.equations;
+        exchange.derivatives_at(self.calls, time, states, here)?;
         if directions.count() > 0 {
             self.fill(time, states, &Columns::new(directions, states.len()), products)?;
         }
-        let Equations { along, here, .. } = &mut *self.equations;
+        let Equations { exchange, along, here, .. } = &mut *self.equations;
         let later = time + f64::EPSILON.sqrt() * time.abs().max(self.size);
-        evaluate(self.calls, later, states, along)?;
+        exchange.derivatives_at(self.calls, later, states, along)?;
         for ((by_time, along), here) in by_time.iter_mut().zip(&*along).zip(&*here) {
             *by_time = (along - here) / (later - time);
         }
@@ -411,7 +397,7 @@ impl Solved<'_> {
         }
         let mut is_complete = true;
         if calls.has_directional_derivatives || !columns.is_full() {
-            let Equations { here, check, .. } = &mut *self.equations;
+            let Equations { exchange, here, check, .. } = &mut *self.equations;
             let at = Use {
                 time,
                 states,
@@ -420,7 +406,7 @@ impl Solved<'_> {
                 step: self.size,
                 tolerance: self.tolerance.relative,
             };
-            match check.find_wrong(calls, columns, products, &at)? {
+            match check.find_wrong((calls, exchange), columns, products, &at)? {
                 Some(Wrong { row, column: Some(column), quotient }) if columns.is_full() => {
                     let [of, by] = [row, column].map(|state| &calls.fmu.states[state]);
                     let warning = format!(
@@ -465,18 +451,13 @@ impl Solved<'_> {
     }
 }
 
-/// The derivatives at a time (s).
-fn evaluate(calls: &mut Calls, time: f64, states: &[f64], derivatives: &mut [f64]) -> Result<()> {
-    calls.go_to(time, states)?;
-    calls.get_vector(Vector::Derivatives, derivatives)
-}
-
 impl System for Solved<'_> {
     const MAY_BE_SPARSE: bool = true;
 
     fn derivatives(&mut self, place: f64, states: &[f64], derivatives: &mut [f64]) {
         self.try_to(derivatives, |solved, derivatives| {
-            evaluate(solved.calls, solved.time(place), states, derivatives)
+            let time = solved.time(place);
+            solved.equations.exchange.derivatives_at(solved.calls, time, states, derivatives)
         });
     }
 
@@ -505,7 +486,8 @@ impl System for Solved<'_> {
         let mut jacobian = vec![0.0; size * size];
         self.try_to(&mut jacobian, |solved, jacobian| {
             let time = solved.time(place);
-            evaluate(solved.calls, time, states, &mut solved.equations.here)?;
+            let Equations { exchange, here, .. } = &mut *solved.equations;
+            exchange.derivatives_at(solved.calls, time, states, here)?;
             let columns = Columns::full(size);
             if solved.calls.has_directional_derivatives {
                 solved.equations.direct(solved.calls, &columns, jacobian)
@@ -550,9 +532,10 @@ impl Trajectory for Path<'_> {
         self.integrator.states_at(&mut self.solved, place, self.states);
         let time = self.solved.time(place);
         let Solved { calls, equations, .. } = &mut self.solved;
-        calls.go_to(time, self.states)?;
-        read_indicators(calls, &mut equations.indicators, time)?;
-        let read = |indicators: &mut [f64]| indicators.copy_from_slice(&equations.indicators);
+        let Equations { exchange, indicators, .. } = &mut **equations;
+        exchange.go_to(calls, time, self.states)?;
+        exchange.read_indicators(calls, indicators, time)?;
+        let read = |to: &mut [f64]| to.copy_from_slice(indicators);
         Ok(self.events.find_changes(time, &[], read)?)
     }
 }

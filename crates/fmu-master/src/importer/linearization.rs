@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use fmu_package::{FmuDescription, FmuVariable};
+use fmu_terms::Version;
 
 use super::Interface;
 use super::c_boundary::Vector;
 use super::event_mode::EventMode;
+use super::exchange::Exchange;
 use super::fmu::{Fmu, reference};
 use super::instance::Instance;
 use super::selection::Selection;
@@ -48,9 +50,9 @@ impl Instance {
         if !fmu.conversions.is_empty() {
             bail!("{}: a map changes its units, so it cannot be linearized", self.calls.name);
         }
-        let time = self.calls.handle.time.get().context("the instance is not initialized")?;
-        let is_exchange = fmu.interface() == Interface::ModelExchange;
-        if is_exchange && self.events.as_ref().is_some_and(EventMode::is_entered) {
+        let time = self.calls.time().context("the instance is not initialized")?;
+        let exchange = self.exchange().cloned();
+        if exchange.is_some() && self.events().is_some_and(EventMode::is_entered) {
             self.step(time, 0.0)?;
         }
         let pairs = states(fmu.description())?;
@@ -73,12 +75,12 @@ impl Instance {
         let [mut by_values, mut of_values] = [vec![0.0; known.len()], vec![0.0; unknown.len()]];
         self.read(&mut by_states, &mut by_values[..count])?;
         self.read(&mut by_inputs, &mut by_values[count..])?;
-        self.observe(&mut of, &mut of_values, count)?;
+        self.observe(exchange.as_ref(), &mut of, &mut of_values, count)?;
         let is_exact = self.calls.has_directional_derivatives;
         let columns = if is_exact {
             self.directional_derivatives(&known, &of)?
-        } else if is_exchange {
-            self.differences(&known, by_values.clone(), &mut by_inputs, &mut of)?
+        } else if let Some(exchange) = &exchange {
+            self.differences(exchange, &known, by_values.clone(), &mut by_inputs, &mut of)?
         } else {
             bail!(
                 "{} has no directional derivatives, and no Model Exchange in which finite differences could replace them",
@@ -111,12 +113,17 @@ impl Instance {
     }
 
     /// Reads derivatives of states and outputs. In Model Exchange, derivatives need not be computed as variables.
-    fn observe(&mut self, of: &mut Selection, values: &mut [f64], states: usize) -> Result<()> {
+    fn observe(
+        &mut self,
+        exchange: Option<&Exchange>,
+        of: &mut Selection,
+        values: &mut [f64],
+        states: usize,
+    ) -> Result<()> {
         self.read(of, values)?;
-        match self.calls.fmu.interface() {
-            Interface::ModelExchange => self.calls.get_vector(Vector::Derivatives, &mut values[..states]),
-            _ => Ok(()),
-        }
+        exchange.map_or(Ok(()), |exchange| {
+            exchange.get_vector(&mut self.calls, Vector::Derivatives, &mut values[..states])
+        })
     }
 
     /// The derivatives of the unknowns by each of the knowns.
@@ -134,7 +141,7 @@ impl Instance {
                     &[reference(by)?],
                     &seed,
                     &mut changes,
-                );
+                )?;
                 let names = std::slice::from_ref(&by.name);
                 self.calls.check(names, called)?;
                 group.scatter_derivatives(&changes, &mut column);
@@ -147,15 +154,15 @@ impl Instance {
     /// The unknowns' derivatives by central differences, in Model Exchange, at `values` of the knowns, states first.
     fn differences(
         &mut self,
+        exchange: &Exchange,
         known: &[&FmuVariable],
         mut values: Vec<f64>,
         inputs: &mut Selection,
         of: &mut Selection,
     ) -> Result<Vec<Vec<f64>>> {
-        let (time, states) =
-            (self.calls.handle.time.get().unwrap_or_default(), values.len() - inputs.names().len());
+        let (time, states) = (self.calls.time().unwrap_or_default(), values.len() - inputs.names().len());
         let mut nominals = vec![1.0; states];
-        self.calls.get_vector(Vector::Nominals, &mut nominals)?;
+        exchange.get_vector(&mut self.calls, Vector::Nominals, &mut nominals)?;
         nominals.resize(values.len(), 1.0);
         let mut columns = vec![];
         for (index, (variable, nominal)) in known.iter().zip(nominals).enumerate() {
@@ -169,16 +176,16 @@ impl Instance {
             let mut results = [vec![0.0; of.names().len()], vec![0.0; of.names().len()]];
             for (end, result) in ends.iter().zip(&mut results) {
                 values[index] = *end;
-                self.calls.go_to(time, &values[..states])?;
+                exchange.go_to(&mut self.calls, time, &values[..states])?;
                 self.calls.write(inputs, &values[states..])?;
-                self.observe(of, result, states)?;
+                self.observe(Some(exchange), of, result, states)?;
             }
             values[index] = value;
             let [below, above] = results;
             let distance = ends[1] - ends[0];
             columns.push(below.iter().zip(&above).map(|(below, above)| (above - below) / distance).collect());
         }
-        self.calls.go_to(time, &values[..states])?;
+        exchange.go_to(&mut self.calls, time, &values[..states])?;
         self.calls.write(inputs, &values[states..])?;
         Ok(columns)
     }
@@ -199,10 +206,9 @@ impl Fmu {
     /// Whether the FMU has directional derivatives.
     #[must_use]
     pub fn has_directional_derivatives(&self) -> bool {
-        let flag = if self.description().is_fmi3() {
-            "providesDirectionalDerivatives"
-        } else {
-            "providesDirectionalDerivative"
+        let flag = match self.description().version() {
+            Version::Two => "providesDirectionalDerivative",
+            Version::Three => "providesDirectionalDerivatives",
         };
         self.has_capability(flag)
     }

@@ -6,7 +6,7 @@ use std::fmt;
 use anyhow::Error;
 use fmu_package::{FmuDescription, FmuVariable};
 use fmu_solve::display::Seconds;
-use fmu_terms::DataType;
+use fmu_terms::{DataType, Version};
 
 /// A status, as the FMU returned it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,8 +25,7 @@ impl Status {
     /// Whether the call succeeded, with a warning or without.
     #[must_use]
     pub fn succeeded(self) -> bool {
-        // fmi2OK or fmi2Warning.
-        matches!(self.0, 0 | 1)
+        matches!(self, Self::OK | Self::WARNING)
     }
 
     /// The standard's name, which begins with `fmi2` or `fmi3`.
@@ -39,33 +38,34 @@ impl Status {
     }
 }
 
-/// A C function of FMI.
+/// A function that an FMU's library lacks, by its name.
 #[derive(Clone, Copy, Debug)]
-pub struct Function {
-    /// `fmi2` or `fmi3`.
-    pub prefix: &'static str,
-    /// The rest of the name, in two parts; the second may be a type.
-    pub name: [&'static str; 2],
-}
+pub struct Missing(pub &'static str);
 
-impl fmt::Display for Function {
+impl fmt::Display for Missing {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { prefix, name: [first, second] } = self;
-        write!(formatter, "{prefix}{first}{second}")
+        write!(formatter, "its library has no {}", self.0)
     }
 }
+
+impl std::error::Error for Missing {}
 
 /// A called function and its status.
 #[derive(Clone, Copy, Debug)]
 pub struct Called {
-    pub function: Function,
+    pub function: &'static str,
     pub status: Status,
 }
 
 impl fmt::Display for Called {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{} returned {}", self.function, self.status.name(self.function.prefix))
+        write!(formatter, "{} returned {}", self.function, self.status.name(prefix_of(self.function)))
     }
+}
+
+/// The prefix of a function's name, `fmi2` or `fmi3`.
+fn prefix_of(function: &str) -> &str {
+    function.get(..4).unwrap_or_default()
 }
 
 /// A logged message.
@@ -129,7 +129,7 @@ pub(super) fn with_names(message: Message, description: &FmuDescription) -> Mess
         };
         let named = description.variables.iter().find(|variable| {
             let own = variable.value_reference.text();
-            if description.is_fmi3() {
+            if description.version() == Version::Three {
                 return reference == own;
             }
             types.iter().any(|data_type| variable.data_type == *data_type) && reference.get(1..) == Some(own)
@@ -155,7 +155,7 @@ pub struct CallFailed {
     /// The name of the instance.
     pub instance: String,
     /// The C function of FMI.
-    pub function: String,
+    pub function: &'static str,
     /// The variables in the call, if they are few.
     pub variables: Vec<String>,
     /// The time reached by the instance (s); none before the experiment is set up.
@@ -180,8 +180,7 @@ impl fmt::Display for CallFailed {
         }
         match self.status {
             Some(status) => {
-                let prefix = self.function.get(..4).unwrap_or_default();
-                write!(formatter, " returned {}", status.name(prefix))?;
+                write!(formatter, " returned {}", status.name(prefix_of(self.function)))?;
             }
             None => write!(formatter, " returned no instance")?,
         }

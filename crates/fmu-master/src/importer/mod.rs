@@ -14,6 +14,7 @@ mod calls;
 mod columns;
 mod derivative_check;
 mod event_mode;
+mod exchange;
 mod fmu;
 mod folder;
 mod followed;
@@ -24,6 +25,7 @@ mod linearization;
 mod messages;
 mod numbers;
 mod selection;
+mod stepping;
 #[cfg(test)]
 mod tests;
 mod watch;

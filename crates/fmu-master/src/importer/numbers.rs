@@ -56,6 +56,15 @@ macro_rules! numbers {
                 }
             }
 
+            /// Refuses to be memory of another type, or of fewer values than there are references.
+            ///
+            /// # Panics
+            /// If it is.
+            pub fn refuse_other(&self, memory: Memory, references: usize) {
+                assert_eq!(self.memory(), memory, "values of this type");
+                assert!(references <= self.len(), "each reference has its value");
+            }
+
             pub fn address(&self) -> *const c_void {
                 match self {
                     $(Self::$memory(values) => values.as_ptr().cast()),*
@@ -73,6 +82,16 @@ macro_rules! numbers {
 
 numbers! {
     F64(f64), F32(f32), I8(i8), U8(u8), I16(i16), U16(u16), I32(i32), U32(u32), I64(i64), U64(u64)
+}
+
+/// A type of numbers that a version of FMI has functions for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NumberType {
+    /// The place among the types of the version.
+    pub place: usize,
+    pub data_type: DataType,
+    /// The memory of the type's values.
+    pub memory: Memory,
 }
 
 /// A number that is exchanged as a Real; a whole one becomes the nearest that the type has.
@@ -113,22 +132,3 @@ macro_rules! number_by_cast {
 
 number_by_cast!(|value| value, f32);
 number_by_cast!(f64::round, i8, u8, i16, u16, i32, u32, i64, u64);
-
-/// The types of numbers that FMI 2.0 has functions for, with their memory: an `fmi2Boolean` is an int.
-pub const NUMBERS_OF_FMI2: [(DataType, Memory); 3] =
-    [(DataType::Real, Memory::F64), (DataType::Integer, Memory::I32), (DataType::Boolean, Memory::I32)];
-
-/// The types of numbers of FMI 3.0: an `fmi3Boolean` is a C `bool`, to which a careless FMU may give any value.
-pub const NUMBERS_OF_FMI3: [(DataType, Memory); 11] = [
-    (DataType::Real, Memory::F64),
-    (DataType::Float32, Memory::F32),
-    (DataType::Int8, Memory::I8),
-    (DataType::UInt8, Memory::U8),
-    (DataType::Int16, Memory::I16),
-    (DataType::UInt16, Memory::U16),
-    (DataType::Integer, Memory::I32),
-    (DataType::UInt32, Memory::U32),
-    (DataType::Int64, Memory::I64),
-    (DataType::UInt64, Memory::U64),
-    (DataType::Boolean, Memory::U8),
-];

@@ -8,10 +8,11 @@ use std::sync::Arc;
 use anyhow::{Context, Error, Result, bail};
 use fmu_abi::fmi2::c_types::ValueReference;
 use fmu_package::{Domain, Element, FmuVariable, Function, ValueType};
+use fmu_terms::DataType;
 
-use super::c_boundary::{Functions, NumberType};
+use super::c_boundary::Loaded;
 use super::fmu::{Fmu, reference};
-use super::numbers::Numbers;
+use super::numbers::{NumberType, Numbers};
 
 impl Fmu {
     /// Resolves numeric variables for [`Instance::read`](super::Instance::read) and
@@ -33,33 +34,31 @@ impl Fmu {
     }
 
     fn select_of<'a>(&self, names: impl IntoIterator<Item = &'a str>, has_texts: bool) -> Result<Selection> {
-        let functions = Arc::clone(&self.functions);
         let mut selection = Selection {
             names: vec![],
             groups: vec![],
             texts: vec![],
             limits: vec![],
             fitted: vec![],
-            functions,
+            loaded: Arc::clone(&self.loaded),
         };
         for name in names {
             let variable = self.variable(name)?;
             let (reference, position) = (reference(variable)?, selection.names.len());
             if has_texts && variable.value_type() == ValueType::String {
-                self.functions.refuse_no_texts().with_context(|| format!("{name} cannot be read"))?;
+                self.loaded.refuse_no_texts().with_context(|| format!("{name} cannot be read"))?;
                 selection.texts.push(Texts::new(reference, variable.element, position));
                 selection.names.push(name.to_owned());
                 continue;
             }
-            let number_type =
-                variable.data_type.meaning().and_then(|known| self.functions.number_type(known));
-            let Some((number_type, values)) = number_type else {
+            let number_type = variable.data_type.meaning().and_then(|known| self.loaded.number_type(known));
+            let Some(number_type) = number_type else {
                 bail!("{name} is of the type {}, which is not a number", variable.data_type);
             };
             let groups = &mut selection.groups;
             let known = groups.iter().position(|group| group.number_type == number_type);
             let group = known.unwrap_or_else(|| {
-                groups.push(Group::new(&self.functions, number_type, values));
+                groups.push(Group::new(number_type));
                 groups.len() - 1
             });
             let conversion = self.conversions_of(variable);
@@ -88,8 +87,8 @@ pub struct Selection {
     limits: Vec<Limit>,
     /// Room for what the variables take.
     fitted: Vec<f64>,
-    /// The functions of the selection's FMU.
-    pub(super) functions: Arc<Functions>,
+    /// The loaded library of the selection's FMU.
+    pub(super) loaded: Arc<Loaded>,
 }
 
 /// A variable that does not take every number.
@@ -112,8 +111,6 @@ pub struct Misfit {
 /// The variables of a selection that have one type.
 pub struct Group {
     pub number_type: NumberType,
-    /// The type's name in the functions of FMI.
-    pub function: &'static str,
     pub references: Vec<ValueReference>,
     /// The values of all references, arrays as a whole.
     pub values: Numbers,
@@ -168,13 +165,11 @@ struct Slot {
 }
 
 impl Group {
-    fn new(functions: &Functions, number_type: NumberType, values: Numbers) -> Self {
-        let function = functions.name(number_type);
+    fn new(number_type: NumberType) -> Self {
         Self {
             number_type,
-            function,
             references: vec![],
-            values,
+            values: Numbers::new(number_type.memory),
             slots: vec![],
             arrays: BTreeMap::new(),
             has_other_elements: false,
@@ -250,7 +245,11 @@ impl Group {
         for Slot { value, position, conversion } in &self.slots {
             let number = self.values.get(*value);
             // Any other value than 0 is true.
-            let own = if self.function == BOOLEAN { f64::from(number != 0.0) } else { number };
+            let own = if self.number_type.data_type == DataType::Boolean {
+                f64::from(number != 0.0)
+            } else {
+                number
+            };
             values[*position] = conversion.as_ref().map_or(own, |(to_seen, _)| to_seen.apply(own));
         }
     }
@@ -270,9 +269,6 @@ fn start(variable: &FmuVariable) -> f64 {
         text => text.parse().unwrap_or(0.0),
     }
 }
-
-/// The name of Booleans in the functions of FMI.
-const BOOLEAN: &str = "Boolean";
 
 impl Selection {
     /// The names of the selected variables, in their order.

@@ -193,7 +193,7 @@ fn a_state_is_saved_restored_and_freed() {
         assert_eq!(level(&mut instance), 0.75_f64.to_bits());
         instance.restore(&saved).unwrap();
         assert_eq!(level(&mut instance), 0.5_f64.to_bits());
-        assert_eq!(instance.calls.handle.time.get(), Some(0.5));
+        assert_eq!(instance.calls.time(), Some(0.5));
     }
     assert_eq!(instance.get("states").unwrap().to_bits(), 1.0_f64.to_bits());
     drop(saved);
@@ -605,7 +605,7 @@ fn a_library_without_the_functions_of_model_exchange_is_refused() {
 #[test]
 fn the_folder_stays_as_long_as_an_instance_or_its_state() {
     let mut ball = ball(BALL);
-    let folder = ball.calls.fmu.functions.folder.path().to_owned();
+    let folder = ball.calls.fmu.loaded.folder().to_owned();
     let saved = ball.save().unwrap();
     drop(ball);
     assert!(folder.is_dir());
@@ -1075,7 +1075,7 @@ fn an_early_return_that_nothing_allowed_is_no_whole_step() {
     let expected = "it at 0 s: fmi3DoStep returned early at 0.125 s, though earlyReturnAllowed is false; it is called again";
     assert_eq!(warnings, [expected]);
     // Each return halves the rest, until it is below the rounding of the time.
-    assert_eq!(instance.calls.handle.time.get(), Some(0.5));
+    assert_eq!(instance.calls.time(), Some(0.5));
     let mut instance = stepped(3, "half_step", 0.0, 1.0);
     let error = instance.step(0.0, 0.25).unwrap_err().to_string();
     assert_eq!(error, "it: the step from 0 s returned early, and has not moved");
@@ -1100,7 +1100,7 @@ fn an_early_return_for_an_event_is_handled_at_its_time() {
     instance.step(0.25, 0.25).unwrap();
     let rows = instance.take_events().into_iter().map(|row| (row.time, row.is_after, row.values));
     assert_eq!(rows.collect::<Vec<_>>(), [(0.3, false, vec![0.3, 1.0]), (0.3, true, vec![0.3, 7.0])]);
-    assert_eq!(instance.calls.handle.time.get(), Some(0.5));
+    assert_eq!(instance.calls.time(), Some(0.5));
     assert!(instance.take_warnings().is_empty());
     instance.set("misdeed", item("event_for_ever")).unwrap();
     let error = instance.step(0.5, 0.25).unwrap_err().to_string();

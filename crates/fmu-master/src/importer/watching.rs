@@ -14,7 +14,7 @@ impl Fmu {
     pub(crate) fn can_tell(&self, variable: &FmuVariable) -> bool {
         match variable.value_type() {
             ValueType::Other => false,
-            ValueType::String => self.functions.refuse_no_texts().is_ok(),
+            ValueType::String => self.loaded.refuse_no_texts().is_ok(),
             _ => true,
         }
     }
@@ -24,7 +24,7 @@ impl Instance {
     /// Whether the FMU tells when it has events: in Model Exchange, and in co-simulation with Event Mode.
     #[must_use]
     pub fn reports_events(&self) -> bool {
-        self.events.is_some()
+        self.events().is_some()
     }
 
     /// Selects what [`Instance::read_watched`] reads.

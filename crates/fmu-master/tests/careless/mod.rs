@@ -49,9 +49,8 @@ pub fn number_of(misdeed: &str) -> usize {
 /// The modelDescription.xml of the FMU of `misbehaving.c`, of a version of FMI, with a number of states and the misdeed that
 /// it begins with.
 pub fn misbehaving(version: u8, states: usize, misdeed: &str) -> String {
-    let is_fmi3 = version == 3;
     let variable = |name: &str, reference: usize, own: &str, kind: &str, more: &str| match kind {
-        _ if is_fmi3 => format!("<{kind} name=\"{name}\" valueReference=\"{reference}\" {own} {more}/>"),
+        _ if version == 3 => format!("<{kind} name=\"{name}\" valueReference=\"{reference}\" {own} {more}/>"),
         kind => {
             let kind = if kind == "Float64" { "Real" } else { kind };
             format!(
@@ -66,9 +65,9 @@ pub fn misbehaving(version: u8, states: usize, misdeed: &str) -> String {
     }
     for state in 0..states {
         // In FMI 3.0 by the reference, in FMI 2.0 by the position from 1.
-        let of = format!("derivative=\"{}\"", if is_fmi3 { state } else { state + 1 });
+        let of = format!("derivative=\"{}\"", if version == 3 { state } else { state + 1 });
         variables += &variable(&format!("der(x{})", state + 1), 100 + state, "", "Float64", &of);
-        structure += &if is_fmi3 {
+        structure += &if version == 3 {
             format!("<ContinuousStateDerivative valueReference=\"{}\"/>", 100 + state)
         } else {
             format!("<Unknown index=\"{}\"/>", states + state + 1)
@@ -82,7 +81,7 @@ pub fn misbehaving(version: u8, states: usize, misdeed: &str) -> String {
         let numbered = items.split_whitespace().enumerate();
         let items = numbered.map(|(number, item)| format!("<Item name=\"{item}\" value=\"{number}\"/>"));
         let items = items.collect::<Vec<_>>().concat();
-        types += &if is_fmi3 {
+        types += &if version == 3 {
             format!("<EnumerationType name=\"{name}\">{items}</EnumerationType>")
         } else {
             format!("<SimpleType name=\"{name}\"><Enumeration>{items}</Enumeration></SimpleType>")
@@ -94,7 +93,7 @@ pub fn misbehaving(version: u8, states: usize, misdeed: &str) -> String {
     variables += &variable("third", 207, "", "Float64", "");
     variables += &variable("instances", 208, "", "Float64", "");
     let misdeed = number_of(misdeed);
-    let (guid, capability, events) = if is_fmi3 {
+    let (guid, capability, events) = if version == 3 {
         ("instantiationToken", "providesDirectionalDerivatives", " hasEventMode=\"true\"")
     } else {
         structure = format!("<Derivatives>{structure}</Derivatives>");

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{fmt, ptr, slice};
 
 use fmu_package::{FmuVariable, ValueType};
-use fmu_terms::{Causality, Initial, Variability};
+use fmu_terms::{Causality, Initial, Variability, Version};
 
 use crate::functions::{Element, Function, Kind, Raw};
 use crate::instance::{Instance, State};
@@ -248,7 +248,8 @@ impl<'f> Instance<'f> {
             }
             [variables().collect(), vec![]]
         } else {
-            let is_readable = self.at.state != State::Instantiated || !self.fmu.description.is_fmi3();
+            let is_readable =
+                self.at.state != State::Instantiated || self.fmu.description.version() == Version::Two;
             let reads = name.starts_with("Get") && is_readable;
             let fits = |variable: &&FmuVariable| reads || self.is_settable(variable);
             [variables().filter(fits).collect(), vec![]]

@@ -13,7 +13,7 @@ use fmu_abi::fmi3::c_types::{
     fmi3InstantiateCoSimulation, fmi3InstantiateModelExchange, fmi3InstantiateScheduledExecution,
 };
 use fmu_package::{FmuDescription, FmuVariable, Platform, ValueType, archive};
-use fmu_terms::{DataType, InstanceType, Interface};
+use fmu_terms::{DataType, InstanceType, Interface, Version};
 use libloading::Library;
 use tempfile::TempDir;
 
@@ -122,14 +122,16 @@ impl Fmu {
         let identifier =
             description.interfaces[0].1.iter().find(|(name, _)| name == "modelIdentifier").unwrap();
         let platform = Platform::host().unwrap();
-        let path = folder.path().join(platform.library_path(&identifier.1, description.is_fmi3()));
+        let path = folder.path().join(platform.library_path(&identifier.1, description.version()));
         // Of FMI 3.0 all, of FMI 2.0 those of the interfaces that it offers.
-        let table = if description.is_fmi3() { FMI3 } else { FMI2 };
+        let table = if description.version() == Version::Three { FMI3 } else { FMI2 };
         let is_exported = |function: &&Function| {
-            function.interface.is_none_or(|of| description.is_fmi3() || description.interface(of).is_some())
+            function.interface.is_none_or(|of| {
+                description.version() == Version::Three || description.interface(of).is_some()
+            })
         };
         // A URI (FMI 2.0.5, section 2.1.5), or a path that ends with a separator (FMI 3.0.2, section 2.3.1).
-        let [scheme, end] = if description.is_fmi3() { ["", "/"] } else { ["file://", ""] };
+        let [scheme, end] = if description.version() == Version::Three { ["", "/"] } else { ["file://", ""] };
         let resources = format!("{scheme}{}{end}", folder.path().join("resources").display());
         let xml = fs::read_to_string(folder.path().join("modelDescription.xml")).unwrap();
         let functions = table.iter().filter(is_exported).collect();
@@ -208,7 +210,7 @@ impl Fmu {
 
     /// The variables of a type.
     pub fn variables<'a>(&'a self, data_type: &'a str) -> impl Iterator<Item = &'a FmuVariable> {
-        let of_enumerations = if self.description.is_fmi3() { "Int64" } else { "Integer" };
+        let of_enumerations = if self.description.version() == Version::Three { "Int64" } else { "Integer" };
         self.description.variables.iter().filter(move |variable| {
             variable.data_type.text() == data_type
                 || variable.data_type == DataType::Enumeration && data_type == of_enumerations
@@ -282,7 +284,11 @@ pub struct Instance<'f> {
 
 impl Drop for Instance<'_> {
     fn drop(&mut self) {
-        let symbol = if self.fmu.description.is_fmi3() { "fmi3FreeInstance" } else { "fmi2FreeInstance" };
+        let symbol = if self.fmu.description.version() == Version::Three {
+            "fmi3FreeInstance"
+        } else {
+            "fmi2FreeInstance"
+        };
         // SAFETY: the symbol is that function's, and this is the instance's last use.
         unsafe {
             let free: fmi2FreeInstance = mem::transmute(self.fmu.address(symbol));
@@ -303,7 +309,7 @@ impl<'f> Instance<'f> {
         // SAFETY: each symbol is that function's; `callbacks` is valid during the call.
         let address = unsafe {
             match instance_type {
-                _ if !fmu.description.is_fmi3() => {
+                _ if fmu.description.version() == Version::Two => {
                     let callbacks =
                         [log_2 as *const c_void, ptr::null(), ptr::null(), ptr::null(), environment];
                     let instantiate: fmi2Instantiate = mem::transmute(fmu.address("fmi2Instantiate"));
@@ -349,7 +355,7 @@ impl<'f> Instance<'f> {
     /// A new instance, brought into a state; `None` if its type does not have the state.
     pub fn in_state(fmu: &'f Fmu, instance_type: InstanceType, state: State) -> Option<Self> {
         let mut instance = Self::new(fmu, instance_type);
-        let is_fmi3 = fmu.description.is_fmi3();
+        let version = fmu.description.version();
         let path: &[&str] = match (state, instance_type) {
             (State::Instantiated, _) => &[],
             (State::InitializationMode, _) => &["EnterInitializationMode"],
@@ -368,15 +374,15 @@ impl<'f> Instance<'f> {
             (State::ContinuousTimeMode, InstanceType::ModelExchange) => {
                 &["EnterInitializationMode", "ExitInitializationMode", "EnterContinuousTimeMode"]
             }
-            (State::StepFailed, InstanceType::CoSimulation) if !is_fmi3 => {
+            (State::StepFailed, InstanceType::CoSimulation) if version == Version::Two => {
                 &["EnterInitializationMode", "ExitInitializationMode"]
             }
             _ => return None,
         };
-        if !is_fmi3 && state != State::Instantiated {
+        if version == Version::Two && state != State::Instantiated {
             instance.ok("SetupExperiment");
         }
-        if !is_fmi3 && state == State::Error {
+        if version == Version::Two && state == State::Error {
             instance.set("events.period", 4);
         }
         for function in path {
@@ -385,7 +391,7 @@ impl<'f> Instance<'f> {
         match state {
             State::Terminated => instance.ok("Terminate"),
             // Of FMI 2.0: the model panics in a step, or at a tick.
-            State::Error if !is_fmi3 => {
+            State::Error if version == Version::Two => {
                 let (place, fails) = match instance_type {
                     InstanceType::CoSimulation => (4, "DoStep"),
                     _ => (12, "NewDiscreteStates"),
@@ -419,10 +425,10 @@ impl<'f> Instance<'f> {
     /// Sets all elements of a variable to a number, as its type.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers are small")]
     pub fn set_to(&mut self, variable: &FmuVariable, value: f64) -> Status {
-        let (is_fmi3, count) = (self.fmu.description.is_fmi3(), self.fmu.size(variable));
-        let kind = match (variable.data_type.text(), is_fmi3) {
-            ("Enumeration", false) => "Integer",
-            ("Enumeration", true) => "Int64",
+        let (version, count) = (self.fmu.description.version(), self.fmu.size(variable));
+        let kind = match (variable.data_type.text(), version) {
+            ("Enumeration", Version::Two) => "Integer",
+            ("Enumeration", Version::Three) => "Int64",
             (kind, _) => kind,
         };
         let values = match kind {
@@ -433,7 +439,7 @@ impl<'f> Instance<'f> {
             _ => Argument::of(&vec![value as i32; count]),
         };
         let mut arguments = vec![Argument::of(&[reference(variable)]), Argument::Whole(1), values];
-        if is_fmi3 {
+        if version == Version::Three {
             arguments.push(Argument::Whole(count as u64));
         }
         self.call(self.fmu.function(&format!("Set{kind}")), &arguments).0
@@ -498,13 +504,13 @@ impl<'f> Instance<'f> {
             Argument::Number(value) => value,
             _ => f64::NAN,
         };
-        let is_fmi3 = self.fmu.description.is_fmi3();
+        let version = self.fmu.description.version();
         match status {
             Status::Ok | Status::Warning => match name {
                 "SetupExperiment" => (self.at.is_set_up, self.at.time) = (true, number(2)),
                 "EnterInitializationMode" => {
                     self.at.state = State::InitializationMode;
-                    if is_fmi3 {
+                    if version == Version::Three {
                         self.at.time = number(2);
                     }
                 }
@@ -524,16 +530,18 @@ impl<'f> Instance<'f> {
                 "Reset" => self.at = Progress::NONE,
                 "SetTime" => self.at.time = number(0),
                 "ActivateModelPartition" => self.at.time = number(1),
-                "DoStep" if is_fmi3 => {
+                "DoStep" if version == Version::Three => {
                     let Argument::Memory(reached) = &arguments[6] else { return };
                     self.at.time = reached.numbers()[0];
                 }
                 "DoStep" => self.at.time = number(0) + number(1),
                 _ => {}
             },
-            Status::Discard if name == "DoStep" && !is_fmi3 => self.at.state = State::StepFailed,
+            Status::Discard if name == "DoStep" && version == Version::Two => {
+                self.at.state = State::StepFailed;
+            }
             // FMI 3.0.2, section 2.2.4: the simulation must not be continued.
-            Status::Error if is_fmi3 => self.at.state = State::Error,
+            Status::Error if version == Version::Three => self.at.state = State::Error,
             _ => {}
         }
     }

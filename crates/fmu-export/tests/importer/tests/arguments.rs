@@ -10,7 +10,7 @@ use fmu_importer::functions::{Element, FMI2, FMI3};
 use fmu_importer::instance::instances;
 use fmu_importer::{Argument, Fmu, Function, Instance, Kind, State, Status, Whim};
 use fmu_package::ValueType;
-use fmu_terms::{Causality, DataType, InstanceType};
+use fmu_terms::{Causality, DataType, InstanceType, Version};
 
 /// In which each function is allowed in some interface, all but those of the other states.
 const STATES: [State; 6] = [
@@ -62,7 +62,7 @@ fn assert_refused(
     arguments: &[Argument],
     names: &[&str],
 ) {
-    let (is_fmi3, instance_type) = (instance.fmu.description.is_fmi3(), instance.instance_type);
+    let (version, instance_type) = (instance.fmu.description.version(), instance.instance_type);
     let told =
         format!("{} of {instance_type:?} in {:?} with {arguments:?}", function.name, instance.at.state);
     let saved = instance.snapshot();
@@ -73,12 +73,12 @@ fn assert_refused(
     let [(Status::ERROR, text)] = &messages[..] else { panic!("{told}: {messages:?}") };
     assert!(text.starts_with(&format!("{}: ", function.name)), "{told}: {text}");
     assert!(names.iter().all(|name| text.contains(name)), "{told}, {names:?}: {text}");
-    if is_fmi3 {
+    if version == Version::Three {
         // Section 2.2.4: the state that was saved leads out of the error.
         instance.restore(&saved);
     }
     assert!(instance.snapshot() == saved, "{told} changes the instance");
-    if is_fmi3 {
+    if version == Version::Three {
         instance.restore(&saved);
     }
 }
@@ -372,7 +372,7 @@ fn bytes_of_another_fmu_are_refused() {
             let messages = instance.messages();
             // States of the versions differ in what they begin with.
             let named = [fmu, other].map(|of| messages[0].1.contains(of.description.guid()));
-            let is_version = fmu.description.is_fmi3() == other.description.is_fmi3();
+            let is_version = fmu.description.version() == other.description.version();
             assert!(named == [true; 2] || !is_version, "{messages:?}");
         }
     }
@@ -388,7 +388,7 @@ fn a_state_is_saved_over_and_bytes_become_a_new_one() {
         let mut instance = Instance::new(fmu, instance_type);
         let older = instance.save();
         let of_older = instance.serialize(older);
-        if !fmu.description.is_fmi3() {
+        if fmu.description.version() == Version::Two {
             instance.ok("SetupExperiment");
         }
         instance.ok("EnterInitializationMode");

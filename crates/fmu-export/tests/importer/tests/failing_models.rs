@@ -5,7 +5,7 @@
 use InstanceType::{CoSimulation, ModelExchange};
 use State::{EventMode, InitializationMode, StepComplete};
 use fmu_importer::{Fmu, Instance, State, Status, Whim};
-use fmu_terms::InstanceType;
+use fmu_terms::{InstanceType, Version};
 
 /// An item of the test model's parameter `fault.place`, by its value; an interface and a state; and a function that meets it
 /// there, as FMI 2.0 names it.
@@ -49,10 +49,10 @@ const PLACES: [Place; 22] = [
 /// The functions that FMI 3.0 names otherwise.
 fn named<'n>(fmu: &Fmu, name: &'n str) -> &'n str {
     match name {
-        "GetReal" if fmu.description.is_fmi3() => "GetFloat64",
-        "GetDerivatives" if fmu.description.is_fmi3() => "GetContinuousStateDerivatives",
-        "GetRealOutputDerivatives" if fmu.description.is_fmi3() => "GetOutputDerivatives",
-        "NewDiscreteStates" if fmu.description.is_fmi3() => "UpdateDiscreteStates",
+        "GetReal" if fmu.description.version() == Version::Three => "GetFloat64",
+        "GetDerivatives" if fmu.description.version() == Version::Three => "GetContinuousStateDerivatives",
+        "GetRealOutputDerivatives" if fmu.description.version() == Version::Three => "GetOutputDerivatives",
+        "NewDiscreteStates" if fmu.description.version() == Version::Three => "UpdateDiscreteStates",
         name => name,
     }
 }
@@ -67,7 +67,7 @@ fn fails(fmu: &Fmu, (place, instance_type, state, name): Place, manner: i32, end
     let mut instance = Instance::new(fmu, instance_type);
     // A tick is due.
     instance.set("events.period", 4);
-    if !fmu.description.is_fmi3() {
+    if fmu.description.version() == Version::Two {
         instance.ok("SetupExperiment");
     }
     instance.ok("EnterInitializationMode");

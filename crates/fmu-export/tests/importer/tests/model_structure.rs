@@ -7,7 +7,7 @@ use fmu_importer::arguments::reference;
 use fmu_importer::instance::instances;
 use fmu_importer::{Argument, Fmu, Function, Instance, State, Status};
 use fmu_package::FmuVariable;
-use fmu_terms::{Causality, DataType, Initial};
+use fmu_terms::{Causality, DataType, Initial, Version};
 
 const STATES: [State; 6] = [
     State::InitializationMode,
@@ -36,11 +36,11 @@ fn attribute<'x>(element: &'x str, name: &str) -> Option<&'x str> {
 /// The unknowns that are numbers with derivatives, of initialization or later; one without dependencies depends on all
 /// knowns.
 fn unknowns(fmu: &Fmu, of_initialization: bool) -> Vec<Unknown<'_>> {
-    let is_fmi3 = fmu.description.is_fmi3();
+    let version = fmu.description.version();
     let variables = &fmu.description.variables;
     let is_real = |variable: &&FmuVariable| variable.data_type == DataType::Real;
     let named = |number: &str| {
-        if is_fmi3 {
+        if version == Version::Three {
             variables.iter().find(|variable| variable.value_reference.text() == number).unwrap()
         } else {
             &variables[number.parse::<usize>().unwrap() - 1]
@@ -48,12 +48,16 @@ fn unknowns(fmu: &Fmu, of_initialization: bool) -> Vec<Unknown<'_>> {
     };
     let is_state = |variable: &FmuVariable| {
         let position = 1 + variables.iter().position(|other| other.name == variable.name).unwrap();
-        let key = if is_fmi3 { variable.value_reference.to_string() } else { position.to_string() };
+        let key = if version == Version::Three {
+            variable.value_reference.to_string()
+        } else {
+            position.to_string()
+        };
         variables.iter().any(|other| other.derivative.text() == key)
     };
     let is_known = |variable: &&FmuVariable| match variable.causality.meaning() {
         Some(Causality::Input) => true,
-        Some(Causality::Parameter) => of_initialization || is_fmi3,
+        Some(Causality::Parameter) => of_initialization || version == Version::Three,
         Some(Causality::Independent) => false,
         _ if of_initialization => variable.initial == Initial::Exact,
         _ => is_state(variable),
@@ -74,7 +78,7 @@ fn unknowns(fmu: &Fmu, of_initialization: bool) -> Vec<Unknown<'_>> {
             "Outputs" | "Derivatives" | "Output" | "ContinuousStateDerivative" => !of_initialization,
             _ => continue,
         };
-        let key = if is_fmi3 { "valueReference" } else { "index" };
+        let key = if version == Version::Three { "valueReference" } else { "index" };
         let Some(variable) = attribute(element, key).map(named).filter(|_| is_of).filter(is_real) else {
             continue;
         };
@@ -101,7 +105,8 @@ fn derivatives(
     let is_forwards = function.name.contains("Directional");
     let [seeds, results] = if is_forwards { [knowns, unknowns] } else { [unknowns, knowns] }.map(size);
     let counted = |values: Vec<f64>| {
-        let count = fmu.description.is_fmi3().then_some(Argument::Whole(values.len() as u64));
+        let count =
+            (fmu.description.version() == Version::Three).then_some(Argument::Whole(values.len() as u64));
         [Some(Argument::of(&values)), count].into_iter().flatten()
     };
     let arguments: Vec<_> = references(unknowns)
@@ -125,7 +130,7 @@ fn derivatives(
         instance.instance_type,
         instance.messages()
     );
-    let position = if fmu.description.is_fmi3() { 6 } else { 5 };
+    let position = if fmu.description.version() == Version::Three { 6 } else { 5 };
     let Argument::Memory(memory) = &arguments[position] else { unreachable!() };
     memory.numbers()
 }
@@ -139,7 +144,7 @@ fn sums(fmu: &Fmu, variables: &[&FmuVariable], values: &[f64]) -> Vec<f64> {
 /// Walks through the entries of FMUs that have derivatives, and returns how many derivatives there are in each.
 fn walk(fmus: &[Fmu]) -> Vec<usize> {
     let flag = |fmu: &Fmu| {
-        if fmu.description.is_fmi3() {
+        if fmu.description.version() == Version::Three {
             "providesDirectionalDerivatives"
         } else {
             "providesDirectionalDerivative"

@@ -14,7 +14,7 @@ use std::env;
 use fmu_importer::functions::{Element, Function, Kind};
 use fmu_importer::instance::{Answer, instances};
 use fmu_importer::{Argument, Fmu, Instance, State, Status, Whim};
-use fmu_terms::InstanceType;
+use fmu_terms::{InstanceType, Version};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -92,7 +92,7 @@ fn make(instance: &mut Instance<'_>, &(leads_on, index, seed): &Call) -> Option<
     let chosen: Vec<_> = fmu.functions.iter().copied().filter(is_chosen).collect();
     let function = *index.get(&chosen);
     let name = &function.name[4..];
-    let (at, is_fmi3) = (instance.at, fmu.description.is_fmi3());
+    let (at, version) = (instance.at, fmu.description.version());
     if is_of_states(function) {
         call_with_state(instance, function, &mut whim);
         return None;
@@ -116,12 +116,12 @@ fn make(instance: &mut Instance<'_>, &(leads_on, index, seed): &Call) -> Option<
     }
     let must_work = match name {
         "Reset" => true,
-        "Terminate" | "EnterEventMode" => !is_fmi3,
-        "EnterInitializationMode" => !is_fmi3 && at.is_set_up,
+        "Terminate" | "EnterEventMode" => version == Version::Two,
+        "EnterInitializationMode" => version == Version::Two && at.is_set_up,
         _ => false,
     };
     assert!(!allowed || !must_work || answer.0 == Status::Ok, "{told}");
-    if answer.0 == Status::Error && !is_fmi3 && instance.snapshot() != before {
+    if answer.0 == Status::Error && version == Version::Two && instance.snapshot() != before {
         // A failed computation may leave values behind, and a failed step or event ends the run.
         let computes =
             ["Get", "DoStep", "ExitInitializationMode", "NewDiscreteStates", "EnterContinuousTimeMode"];
@@ -184,9 +184,9 @@ fn any_order(fmu: &Fmu, instance_type: InstanceType, cases: u32, before: &dyn Fn
     let fresh = Instance::new(fmu, instance_type).snapshot();
     let (mut made, mut reached) = (0, String::new());
     let strategy = (0..6_usize, calls(40), calls(20));
-    let opening: &[&str] = match (fmu.description.is_fmi3(), instance_type) {
-        (false, _) => &["SetupExperiment", "EnterInitializationMode", "ExitInitializationMode"],
-        (true, _) => &["EnterInitializationMode", "ExitInitializationMode"],
+    let opening: &[&str] = match (fmu.description.version(), instance_type) {
+        (Version::Two, _) => &["SetupExperiment", "EnterInitializationMode", "ExitInitializationMode"],
+        (Version::Three, _) => &["EnterInitializationMode", "ExitInitializationMode"],
     };
     let shared = std::cell::RefCell::new((&mut made, &mut reached));
     let outcome = runner(cases).run(&strategy, |(opened, head, tail)| {
@@ -308,7 +308,7 @@ fn models_of_equations_go_on_from_states_between_steps() {
 /// Any bytes as a serialized state.
 fn any_bytes(fmu: &Fmu, instance_type: InstanceType, cases: u32) {
     let mut instance = Instance::new(fmu, instance_type);
-    if !fmu.description.is_fmi3() {
+    if fmu.description.version() == Version::Two {
         instance.ok("SetupExperiment");
     }
     instance.ok("EnterInitializationMode");
@@ -352,7 +352,7 @@ fn any_bytes(fmu: &Fmu, instance_type: InstanceType, cases: u32) {
             }
             Err(status) => prop_assert_eq!(status, Status::Error),
         }
-        if fmu.description.is_fmi3() {
+        if fmu.description.version() == Version::Three {
             instance.restore(&sound);
         }
         prop_assert!(instance.snapshot() == sound, "the instance has changed");

@@ -66,17 +66,17 @@ pub fn tell_last_call(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Makes a call to an FMU, and tells it: the FMU's number and name, and the function's name in parts with the time reached
-/// (s), if there is one.
+/// Makes a call to an FMU, and tells it: the FMU's number and name, and the function's name with the time reached (s), if
+/// there is one.
 pub fn told<T>(
     (fmu, name): (usize, &str),
-    (function, time): ([&str; 3], Option<f64>),
+    (function, time): (&str, Option<f64>),
     call: impl FnOnce() -> T,
 ) -> T {
     tell(|mapped| {
         if mapped.fmu != Some(fmu) {
             mapped.fmu = Some(fmu);
-            put(&mut mapped.file[NAME..CALL], [name]);
+            put(&mut mapped.file[NAME..CALL], name);
         }
         let (place, text) = mapped.file[CALL..].split_at_mut(size_of::<f64>());
         // What is not a number is no time.
@@ -94,8 +94,8 @@ fn tell(what: impl FnOnce(&mut Mapped)) {
 }
 
 /// Writes a text and a NUL, as far as they fit.
-fn put<const N: usize>(mut place: &mut [u8], parts: [&str; N]) {
-    for part in parts.into_iter().chain(["\0"]) {
+fn put(mut place: &mut [u8], text: &str) {
+    for part in [text, "\0"] {
         let _ = place.write_all(part.as_bytes());
     }
 }

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use fmu_io::{temporary, terminal};
 use fmu_solve::display::Seconds;
 
-use super::super::messages::{Function, Message, Status};
+use super::super::messages::{Message, Status};
 use super::last_call::told;
 use super::process::with_own_modes;
 
@@ -75,15 +75,15 @@ pub enum Call {
     /// The FMU's library is loaded, and will be unloaded.
     Load,
     /// A function, at the time reached (s), if there is one.
-    Of(Function, Option<f64>),
+    Of(&'static str, Option<f64>),
 }
 
 impl Call {
-    /// The call's name in parts, and the time reached (s), if there is one.
-    pub fn parts(self) -> ([&'static str; 3], Option<f64>) {
+    /// The call's name, and the time reached (s), if there is one.
+    pub fn parts(self) -> (&'static str, Option<f64>) {
         match self {
-            Self::Load => (["the loading of its library", "", ""], None),
-            Self::Of(Function { prefix, name: [first, second] }, time) => ([prefix, first, second], time),
+            Self::Load => ("the loading of its library", None),
+            Self::Of(function, time) => (function, time),
         }
     }
 }
@@ -91,7 +91,7 @@ impl Call {
 impl fmt::Display for Call {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, time) = self.parts();
-        formatter.write_str(&name.concat())?;
+        formatter.write_str(name)?;
         time.map_or(Ok(()), |time| write!(formatter, " at {} s", Seconds(time)))
     }
 }

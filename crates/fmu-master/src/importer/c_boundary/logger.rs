@@ -4,7 +4,7 @@ use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::super::messages::{Message, Status};
+use super::super::messages::{Called, Message, Status};
 use super::live::{self, Environment};
 
 /// The `fmi2CallbackLogger`, which formats as `printf` does.
@@ -88,7 +88,19 @@ fn take(environment: Environment, name: Option<&str>, status: c_int, text: Optio
 ///
 /// # Safety
 /// `text` is null or ends with a zero byte.
-pub unsafe fn text_at(text: *const c_char) -> Option<String> {
+unsafe fn text_at(text: *const c_char) -> Option<String> {
     // SAFETY: the caller's promise.
     (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
+}
+
+/// Copies of the texts that a call has told; none if it failed.
+///
+/// # Safety
+/// If the call succeeded, each text is null or ends with a zero byte.
+pub unsafe fn told(called: Called, texts: &[*const c_char]) -> Vec<String> {
+    if !called.status.succeeded() {
+        return vec![];
+    }
+    // SAFETY: the caller's promise.
+    texts.iter().map(|text| unsafe { text_at(*text) }.unwrap_or_default()).collect()
 }
