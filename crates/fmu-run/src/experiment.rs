@@ -16,7 +16,7 @@ use fmu_master::scenario::{
 };
 use fmu_master::system::{self, Times, Unpacked};
 use fmu_master::{Fmu, Interface, Link, LoadedFmus, links};
-use fmu_package::{FmuVariable, ParameterSet, Value, ValueType};
+use fmu_package::{FmuDescription, FmuVariable, ParameterSet, Value, ValueType};
 use fmu_record::Data;
 use fmu_terms::{Causality, Version, like};
 
@@ -244,6 +244,16 @@ fn is_settable(scenario: &Scenario, fmus: &[Arc<Fmu>], links: &[Link], name: &st
         || !elements(scenario, fmus, name).is_empty()
 }
 
+/// What a name and the text of its value mean.
+enum Meaning<'a> {
+    /// The signal of inputs.
+    Signal(Signal),
+    /// A variable of the member of an index, and the value that it takes.
+    Variable(usize, &'a FmuVariable, Value),
+    /// The elements of an array, each with the text of its value.
+    Elements(Vec<(String, String)>),
+}
+
 /// Sets a variable before initialization, or an input's signal.
 fn set(
     scenario: &mut Scenario,
@@ -253,6 +263,31 @@ fn set(
     text: &str,
     location: &Location,
 ) -> Result<()> {
+    match location.locate(meaning(scenario, fmus, links, name, text))? {
+        Meaning::Signal(signal) => {
+            for member in &mut scenario.fmus {
+                member.inputs.retain(|input| input.name != name);
+            }
+            drive(&mut scenario.inputs, name, signal.into(), location);
+            Ok(())
+        }
+        Meaning::Variable(index, variable, value) => {
+            set_variable(&mut scenario.fmus[index], variable, value, location)
+        }
+        Meaning::Elements(values) => values
+            .iter()
+            .try_for_each(|(element, value)| set(scenario, fmus, links, element, value, location)),
+    }
+}
+
+/// What a name and the text of its value mean.
+fn meaning<'a>(
+    scenario: &Scenario,
+    fmus: &'a [Arc<Fmu>],
+    links: &[Link],
+    name: &str,
+    text: &str,
+) -> Result<Meaning<'a>> {
     let mut found = vec![];
     for (index, (member, fmu)) in scenario.fmus.iter().zip(fmus).enumerate() {
         let own = name.strip_prefix(&format!("{}:", member.name));
@@ -260,55 +295,63 @@ fn set(
         let driven = links.iter().find(|link| link.target == index && link.is_from(name));
         let driven = driven.filter(|_| own.is_none());
         let wanted = own.or(driven.map(|link| link.connection.input.as_str())).unwrap_or(name);
-        let Some(variable) = fmu.description().variable(wanted).filter(|variable| variable.is_settable())
-        else {
-            continue;
-        };
-        let value = location.locate(value(variable, text).and_then(|value| {
-            let value = match (value, driven) {
-                // A plain number is in the signal's unit.
-                (Value::Real(number, None), Some(link)) => Value::Real(link.conversion.linear().apply(number), None),
-                (value, _) => value,
-            };
-            if let Some(meant) = value.meant_unit(variable, fmu.description()) {
-                let FmuVariable { name, start, unit, .. } = variable;
-                complain(&format!(
-                    "note: {name} = {text} {unit} is far from its start value, {start} {unit}; in {meant}: --set \"{name}={text} \
-                     {meant}\""
-                ));
+        if let Some(variable) = fmu.description().variable(wanted).filter(|variable| variable.is_settable()) {
+            let value = fitting(variable, text, driven, fmu.description())?;
+            found.push((index, variable, value, driven));
+        }
+    }
+    match found.as_slice() {
+        [] => {
+            let elements = elements(scenario, fmus, name);
+            if elements.is_empty() {
+                bail!(not_found(scenario, fmus, name));
             }
-            let fitted = value.fit(variable, &[], fmu.description())?;
-            fitted.check_range(variable)?;
-            Ok(fitted)
-        }))?;
-        found.push((index, variable.clone(), value, driven.map(|link| link.conversion.linear())));
-    }
-    let [(index, variable, value, conversion), others @ ..] = &found[..] else {
-        let elements = elements(scenario, fmus, name);
-        if elements.is_empty() {
-            return Err(location.error(not_found(scenario, fmus, name)));
+            let values = values_of_array(elements.len(), text)?;
+            Ok(Meaning::Elements(elements.into_iter().zip(values).collect()))
         }
-        let values = location.locate(values_of_array(elements.len(), text))?;
-        return elements
-            .iter()
-            .zip(values)
-            .try_for_each(|(element, value)| set(scenario, fmus, links, element, &value, location));
+        [(_, _, value, Some(link)), ..] if let Some(number) = value.number() => {
+            let own = || link.conversion.linear().inverse().apply(number);
+            Ok(Meaning::Signal(Signal::Constant(text.parse().unwrap_or_else(|_| own()))))
+        }
+        [(index, variable, value, _)] => Ok(Meaning::Variable(*index, variable, value.clone())),
+        _ => {
+            let names = found.iter().map(|(index, ..)| format!("{}:{name}", scenario.fmus[*index].name));
+            bail!("ambiguous: use {}", names.collect::<Vec<_>>().join(" or "))
+        }
+    }
+}
+
+/// The value that a variable takes for a text, in which a plain number is in the unit of its signal if it is `driven`.
+fn fitting(
+    variable: &FmuVariable,
+    text: &str,
+    driven: Option<&Link>,
+    description: &FmuDescription,
+) -> Result<Value> {
+    let value = match (value(variable, text)?, driven) {
+        (Value::Real(number, None), Some(link)) => Value::Real(link.conversion.linear().apply(number), None),
+        (value, _) => value,
     };
-    let number = value.number();
-    if let (Some(conversion), Some(number)) = (conversion, number) {
-        let signal = Signal::Constant(text.parse().unwrap_or_else(|_| conversion.inverse().apply(number)));
-        for member in &mut scenario.fmus {
-            member.inputs.retain(|input| input.name != name);
-        }
-        drive(&mut scenario.inputs, name, signal.into(), location);
-        return Ok(());
+    if let Some(meant) = value.meant_unit(variable, description) {
+        let FmuVariable { name, start, unit, .. } = variable;
+        complain(&format!(
+            "note: {name} = {text} {unit} is far from its start value, {start} {unit}; in {meant}: --set \"{name}={text} \
+             {meant}\""
+        ));
     }
-    if !others.is_empty() {
-        let names = found.iter().map(|(index, ..)| format!("{}:{name}", scenario.fmus[*index].name));
-        return Err(location.error(format!("ambiguous: use {}", names.collect::<Vec<_>>().join(" or "))));
-    }
-    let member = &mut scenario.fmus[*index];
-    if let (true, Some(number)) = (variable.causality == Causality::Input, number) {
+    let fitted = value.fit(variable, &[], description)?;
+    fitted.check_range(variable)?;
+    Ok(fitted)
+}
+
+/// Sets a variable of a member before initialization, or an input throughout.
+fn set_variable(
+    member: &mut Member,
+    variable: &FmuVariable,
+    value: Value,
+    location: &Location,
+) -> Result<()> {
+    if let (true, Some(number)) = (variable.causality == Causality::Input, value.number()) {
         drive(&mut member.inputs, &variable.name, Signal::Constant(number).into(), location);
         return Ok(());
     }
@@ -319,8 +362,7 @@ fn set(
         );
     }
     member.values.retain(|assignment| assignment.name != variable.name);
-    let (name, value) = (variable.name.clone(), value.clone());
-    member.values.push(Assignment { name, value, location: location.clone() });
+    member.values.push(Assignment { name: variable.name.clone(), value, location: location.clone() });
     Ok(())
 }
 
