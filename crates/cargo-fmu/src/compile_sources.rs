@@ -1,12 +1,11 @@
 //! `compile`: adds to an FMU, or to those of a system, a library for this platform, compiled from its C or C++ sources.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io::{Cursor, ErrorKind, Read, Seek, Write};
 use std::path::{Component, Path, PathBuf};
 use std::process::Command;
-use std::thread;
 
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use cc::Tool;
@@ -14,7 +13,7 @@ use clap::Args;
 use fmu_io::reading::{self, LARGEST_CONTENT};
 use fmu_io::temporary::Folder;
 use fmu_io::terminal::{complain, print};
-use fmu_io::threads::each;
+use fmu_io::threads::{self, each};
 use fmu_io::writing;
 use fmu_package::library::{Linkage, missing_in_words};
 use fmu_package::{
@@ -250,7 +249,7 @@ impl<'a> Sources<'a> {
     fn compile(&self, configuration: &BuildConfiguration, path: &str) -> Result<Vec<u8>> {
         let folder = self.folder.join("objects").join(&configuration.model_identifier);
         fs::create_dir_all(&folder)?;
-        let (mut objects, mut commands) = (vec![], VecDeque::new());
+        let (mut objects, mut commands) = (vec![], vec![]);
         for set in &configuration.source_file_sets {
             let compiler = compiler(is_cpp(set))?;
             let options = [self.without_prefix(&configuration.model_identifier), self.options(set)?].concat();
@@ -260,7 +259,7 @@ impl<'a> Sources<'a> {
                 command.arg("-c").arg(self.source(file)?).args(&options).current_dir(&folder);
                 self.write_to(&mut command, "-Fo", &object);
                 objects.push(object);
-                commands.push_back((file.as_str(), command));
+                commands.push((file.as_str(), command));
             }
         }
         self.run_all(commands)?;
@@ -351,9 +350,9 @@ impl<'a> Sources<'a> {
     }
 
     /// Runs commands, each of which compiles a source file, on all cores.
-    fn run_all(&self, commands: VecDeque<(&str, Command)>) -> Result<()> {
-        let cores = thread::available_parallelism().map_or(1, usize::from);
-        each(cores, commands, |(file, mut command)| self.run(&format!("sources/{file}"), &mut command))
+    fn run_all(&self, commands: Vec<(&str, Command)>) -> Result<()> {
+        let run = |(file, mut command)| self.run(&format!("sources/{file}"), &mut command);
+        each(threads::number(None), commands, run).map(drop)
     }
 
     /// Runs a command that makes something.

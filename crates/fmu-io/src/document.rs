@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Error, Result, anyhow, bail};
-use fmu_terms::like;
+use fmu_terms::{like, nearest};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -125,12 +125,6 @@ impl<'a> Document<'a> {
     }
 }
 
-/// Whether two keys are equal except for separators, capitals and a letter or two.
-fn is_misspelt(key: &str, meant: &str) -> bool {
-    let [key, meant] = [key, meant].map(|key| key.to_lowercase().replace(['_', '-', ' '], ""));
-    strsim::osa_distance(&key, &meant) <= meant.chars().count() / 4
-}
-
 fn line(line_breaks: &[usize], span: &Range<usize>) -> usize {
     1 + line_breaks.partition_point(|&place| place < span.start)
 }
@@ -174,14 +168,11 @@ impl<'a> TomlTable<'a> {
     pub fn required(&self, key: &str, expected: &str) -> Result<Node<'a>> {
         self.optional(key).ok_or_else(|| {
             let known = self.known.borrow();
-            let unread =
-                self.table.iter().filter(|(other, _)| !known.iter().any(|read| *read == *other.get_ref()));
-            match unread
-                .map(|(other, value)| (other.get_ref(), value))
-                .find(|(other, _)| is_misspelt(other, key))
-            {
+            let unread = self.table.keys().map(|other| other.get_ref().as_ref());
+            let unread = unread.filter(|other| !known.iter().any(|read| read == other));
+            match nearest(key, unread).and_then(|other| self.table.get_key_value(other)) {
                 Some((other, value)) => {
-                    let location = self.node(other, value).location;
+                    let location = self.node(other.get_ref(), value).location;
                     location.error(format!("this key is not known; did you mean {key}?"))
                 }
                 None => self.location.error(format!("{key} is missing: {expected}")),

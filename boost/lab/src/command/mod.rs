@@ -10,13 +10,12 @@ use std::env;
 use std::path::PathBuf;
 
 use crate::study::draw::known_plants;
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use clap::{Parser, Subcommand};
 use fmu_master::{Fmu, ONLY_ONCE};
 use fmu_package::ParameterSet;
 use fmu_run::workers::{Program, told_to_work};
 use fmu_run::{FMUS, make_folder, number_in, positive, progress_bar, refuse_overlap, write, write_file};
-use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// The files in a folder of results.
 const HTML: &str = "report.html";
@@ -77,12 +76,10 @@ fn plants(files: &[PathBuf]) -> Result<Vec<ParameterSet>> {
     if files.is_empty() { known_plants() } else { parameter_sets(files) }
 }
 
-/// Threads for runs: a number of them or one per core, but a single one if an FMU allows only one instance per process.
-fn threads<'a>(wanted: Option<u16>, fmus: impl IntoIterator<Item = &'a Fmu>) -> Result<ThreadPool> {
+/// How many threads run FMUs: the number wanted or one per core, but one if an FMU allows only one instance per process.
+fn threads<'a>(wanted: Option<u16>, fmus: impl IntoIterator<Item = &'a Fmu>) -> usize {
     let is_single = fmus.into_iter().any(|fmu| fmu.has_capability(ONLY_ONCE));
-    // rayon takes 0 for the number of cores, or RAYON_NUM_THREADS.
-    let number = if is_single { 1 } else { wanted.map_or(0, usize::from) };
-    ThreadPoolBuilder::new().num_threads(number).build().context("no threads")
+    if is_single { 1 } else { fmu_io::threads::number(wanted) }
 }
 
 #[derive(Subcommand)]

@@ -88,9 +88,9 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<bool> {
             complain(&format!("case {}: {error}", outcome.case));
         }
     }
-    let threads = super::threads(arguments.workers.number, [&*study.rig.plant, &study.rig.controller])?;
+    let threads = super::threads(arguments.workers.number, [&*study.rig.plant, &study.rig.controller]);
     let bar = super::progress_bar(study.outside(&outcomes).len() as u64, "{pos} of {len} cases explained")?;
-    let explained = study.explain(&outcomes, &threads, || bar.inc(1))?;
+    let explained = study.explain(&outcomes, threads, || bar.inc(1))?;
     bar.finish_and_clear();
 
     let report = StudyReport { study: &study, outcomes: &outcomes, explained: &explained };

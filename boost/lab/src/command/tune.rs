@@ -83,9 +83,9 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<()> {
     let mut loop_to_run = None;
     if let Some(controller) = &arguments.controller {
         let rig = Rig::new(Arc::clone(&tuning.task.plant), fmu_run::open(controller)?, 0)?;
-        let threads = super::threads(arguments.workers.number, [&*rig.plant, &*rig.controller])?;
+        let threads = super::threads(arguments.workers.number, [&*rig.plant, &*rig.controller]);
         if arguments.lambda.is_none() && arguments.strategy == Strategy::SplitRange {
-            match rest::shortest_lambda(&rig, &tuning, &threads)? {
+            match rest::shortest_lambda(&rig, &tuning, threads)? {
                 Some(lambda) => tuning.task.schedule.find_lambda(lambda),
                 None => tuning.notes.push(
                     "no feedback_lambda was found with which a vacuum pump sustains noise at rest".to_owned(),
@@ -97,7 +97,7 @@ pub fn run(arguments: &Arguments, program: &Program) -> Result<()> {
     let set = tuning.parameter_set(SET);
     super::write(out, [(SET_FILE, set.to_xml()), (DCM_FILE, dcm(&set, &tuning.task.schedule))])?;
     if let Some((rig, threads)) = loop_to_run {
-        match comparison::compare(&rig, &tuning, &out.join(SET_FILE), &threads) {
+        match comparison::compare(&rig, &tuning, &out.join(SET_FILE), threads) {
             Ok(compared) => tuning.comparison = compared,
             Err(error) => tuning.notes.push(format!("the loop was not run before and after: {error:#}")),
         }

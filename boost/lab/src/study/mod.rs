@@ -22,8 +22,6 @@ mod report;
 pub mod situation;
 
 use anyhow::Result;
-use rayon::ThreadPool;
-use rayon::iter::{IntoParallelRefIterator, ParallelIterator};
 use serde::{Deserialize, Serialize};
 
 use self::case::{Measures, Rig, Simulated};
@@ -31,6 +29,7 @@ use self::criteria::Criteria;
 use self::draw::{Case, Cases};
 use self::optimum::Optimum;
 use self::reach::Reach;
+use fmu_io::threads::each;
 use fmu_run::journal::{Journal, Part};
 use fmu_run::workers::Workers;
 
@@ -116,25 +115,22 @@ impl Study {
     pub fn explain(
         &self,
         outcomes: &[Outcome],
-        threads: &ThreadPool,
+        threads: usize,
         progress: impl Fn() + Sync,
     ) -> Result<Vec<Explained>> {
         let mut outside = self.outside(outcomes);
         outside.truncate(MOST_EXPLAINED);
-        threads.install(|| {
-            let explain = |(number, measures): &(usize, Measures)| {
-                let case = self.cases.case(*number);
-                let strategy = self.strategies[0].as_deref();
-                let reach = Reach::of(&case, &self.rig.plant)?;
-                let variant = self.rig.variant(strategy);
-                let simulated = self.rig.simulate(&case, &reach, variant)?;
-                let search = || optimum::search(&self.rig, &case, variant, &simulated, measures);
-                let is_searched = self.rig.saves_states && case.situation.is_searched();
-                let optimum = is_searched.then(search).transpose()?;
-                progress();
-                Ok(Explained { case, measures: measures.clone(), simulated, optimum })
-            };
-            outside.par_iter().map(explain).collect()
+        each(threads, outside, |(number, measures)| {
+            let case = self.cases.case(number);
+            let strategy = self.strategies[0].as_deref();
+            let reach = Reach::of(&case, &self.rig.plant)?;
+            let variant = self.rig.variant(strategy);
+            let simulated = self.rig.simulate(&case, &reach, variant)?;
+            let search = || optimum::search(&self.rig, &case, variant, &simulated, &measures);
+            let is_searched = self.rig.saves_states && case.situation.is_searched();
+            let optimum = is_searched.then(search).transpose()?;
+            progress();
+            Ok(Explained { case, measures, simulated, optimum })
         })
     }
 

@@ -5,9 +5,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum as _;
+use fmu_io::threads::each;
 use fmu_package::{ParameterSet, Value};
-use rayon::ThreadPool;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::Tuning;
@@ -43,7 +42,7 @@ struct Loop<'a> {
 }
 
 /// Runs the experiments with the controller as it is and with the parameter set of a file.
-pub fn compare(rig: &Rig, tuning: &Tuning, set: &Path, threads: &ThreadPool) -> Result<Vec<Compared>> {
+pub fn compare(rig: &Rig, tuning: &Tuning, set: &Path, threads: usize) -> Result<Vec<Compared>> {
     let strategy = tuning.task.schedule.strategy.to_possible_value();
     let strategy = strategy.as_ref().map(clap::builder::PossibleValue::get_name);
     let files = [std::path::absolute(set)?];
@@ -111,7 +110,7 @@ impl Loop<'_> {
     }
 
     /// The share of cases near the reachable reference (%), and the median and the largest deviation (kPa).
-    fn cases(&self, threads: &ThreadPool) -> Result<Vec<f64>> {
+    fn cases(&self, threads: usize) -> Result<Vec<f64>> {
         let plant = self.rig.plant.description();
         let cases = Cases::draw(Situation::Ramps, plant, &[], CASES, SEED)?;
         let parameters = self.plant_parameters()?;
@@ -124,8 +123,7 @@ impl Loop<'_> {
             let Measures { deviation, .. } = self.rig.measure(&case, &reach, variant)?;
             Ok(deviation)
         };
-        let mut deviations: Vec<f64> =
-            threads.install(|| (0..cases.len()).into_par_iter().map(deviation).collect::<Result<_>>())?;
+        let mut deviations = each(threads, 0..cases.len(), deviation)?;
         deviations.sort_by(f64::total_cmp);
         let near = deviations.iter().filter(|deviation| **deviation <= NEAR).count();
         Ok(vec![

@@ -5,8 +5,6 @@
 
 use anyhow::{Result, bail};
 use fmu_package::Value;
-use rayon::ThreadPool;
-use rayon::prelude::*;
 
 use super::schedule::lambda_parameter;
 use super::{CellOrigin, Tuning};
@@ -14,6 +12,7 @@ use crate::study::case::Rig;
 use crate::study::draw::Case;
 use crate::study::names::{ALARM, PUMP, has};
 use crate::study::situation::{Experiment, Situation};
+use fmu_io::threads::each;
 use fmu_master::measure::{between, greatest};
 use fmu_master::scenario::{Assignment, Scenario};
 use fmu_terms::Causality;
@@ -31,7 +30,7 @@ const PER_SECOND: f64 = 100.0;
 
 /// The shortest λ (s), from the actuator's lag to the reference's time constant; none if the loop has no vacuum pump, or
 /// no λ is sustained.
-pub fn shortest_lambda(rig: &Rig, tuning: &Tuning, threads: &ThreadPool) -> Result<Option<f64>> {
+pub fn shortest_lambda(rig: &Rig, tuning: &Tuning, threads: usize) -> Result<Option<f64>> {
     let [(_, _, _, lag), _] = tuning.dynamics();
     let (Some(lag), Some(longest)) = (lag, tuning.task.schedule.reference_lambda) else { return Ok(None) };
     if !has(&rig.plant, Causality::Input, PUMP) || !has(&rig.controller, Causality::Output, PUMP) {
@@ -46,7 +45,7 @@ pub fn shortest_lambda(rig: &Rig, tuning: &Tuning, threads: &ThreadPool) -> Resu
     while hundredths <= PER_SECOND * longest {
         let lambda = hundredths / PER_SECOND;
         let share = |scenario: &Scenario| share_on(rig, scenario.clone(), tuning, lambda);
-        let shares: Vec<f64> = threads.install(|| scenarios.par_iter().map(share).collect::<Result<_>>())?;
+        let shares = each(threads, &scenarios, share)?;
         let mean = shares.iter().sum::<f64>() / shares.len() as f64;
         if greatest(shares) <= ON_AT_A_POINT && mean <= ON_ON_AVERAGE {
             return Ok(Some(lambda));

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Error, Result, anyhow, bail};
 use fmu_io::temporary::{self, Folder};
-use fmu_io::threads::{each, locked};
+use fmu_io::threads::{self, each, locked};
 use fmu_master::process::{Group, end_children};
 use serde::Serialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -100,8 +100,7 @@ impl<'a> Workers<'a> {
     /// # Errors
     /// When the program cannot be started, or cannot prepare its task.
     pub fn open<O: DeserializeOwned>(program: &'a Program, arguments: &WorkerArguments) -> Result<(Self, O)> {
-        let cores = || thread::available_parallelism().map_or(1, usize::from);
-        let number = arguments.number.map_or_else(cores, usize::from);
+        let number = threads::number(arguments.number);
         let limit = Duration::from_secs_f64(arguments.time_limit);
         let mut workers = Self {
             program,
