@@ -124,3 +124,51 @@ fn an_existing_simulation_is_stepped_and_saved() {
     }
     assert_eq!(found, expected);
 }
+
+/// The checkout around a queue that could be cloned, but not written.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Unwritten {
+    #[persistent(skip)]
+    checkout: Checkout,
+}
+
+impl Model for Unwritten {
+    type Variables = Variables;
+
+    fn initialize(
+        &mut self,
+        variables: &mut Variables,
+        inputs: &Inputs,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        self.checkout.initialize(variables, inputs, context)
+    }
+
+    fn step(
+        &mut self,
+        variables: &mut Variables,
+        step: &Step<'_, Inputs>,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        self.checkout.step(variables, step, context)
+    }
+}
+
+/// The queue of the second half hour is the same again, random numbers included.
+#[test]
+fn a_state_in_memory_has_the_skipped_fields() {
+    let mut importer = Importer::<Unwritten>::new(InstanceType::CoSimulation);
+    importer.initialize();
+    importer.step(0.0, 1800.0);
+    let [first, second] = importer.twice(|importer| {
+        let minutes = (30..60).map(|minute| 60.0 * f64::from(minute));
+        minutes
+            .map(|time| {
+                importer.step(time, 60.0);
+                importer.get(["waiting"])[0]
+            })
+            .collect::<Vec<_>>()
+    });
+    assert!(first.iter().any(|waiting| *waiting > first[0]));
+    assert_eq!(first, second);
+}

@@ -352,6 +352,16 @@ impl<M: Model> Importer<M> {
         vec![forward, backwards]
     }
 
+    /// The results of an operation that begins twice from the present state, which is kept in memory.
+    pub fn twice<R>(&mut self, operation: impl Fn(&mut Self) -> R) -> [R; 2] {
+        let mut state = ptr::null_mut();
+        call!(self, fmi2GetFMUstate | fmi3GetFMUState, &raw mut state);
+        let first = operation(self);
+        call!(self, fmi2SetFMUstate | fmi3SetFMUState, state);
+        call!(self, fmi2FreeFMUstate | fmi3FreeFMUState, &raw mut state);
+        [first, operation(self)]
+    }
+
     /// Another instance that continues from the bytes of this one's state.
     pub fn restored(&mut self) -> Self {
         let other = Self::new(self.1);
