@@ -1,6 +1,7 @@
 //! The event loop of co-simulation: goes through a communication step from event to event, with the
 //! [integrator](crate::integrator) in between.
 
+use crate::display::Seconds;
 use crate::integrator::Trials;
 use crate::stops::{EventsLeft, Stop, Stops, due_until};
 use crate::time::End;
@@ -9,8 +10,21 @@ use crate::time::End;
 const APART: f64 = 1e-7;
 /// The most trials and events are too many where they advance by less than this share of a step.
 const ADVANCE: f64 = 0.01;
+/// The most trials and events in that share of a step, which must end.
+pub const MOST_TRIALS: u32 = 100_000;
 /// Steps after an event start short: with at least one event per this many trials, events are the cause of many trials.
 pub const MOST_TRIALS_AN_EVENT: u32 = 8;
+
+/// Says that a step from `start` was given up at a `time`, both in s.
+#[must_use]
+#[cold]
+pub fn abandoned(start: f64, time: f64, most_trials: u32) -> String {
+    format!(
+        "the step from {} s was abandoned at {} s after {most_trials} trials and events",
+        Seconds(start),
+        Seconds(time)
+    )
+}
 
 /// States that are integrated between the events of a model.
 pub trait Hybrid {

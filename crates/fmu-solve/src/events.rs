@@ -365,11 +365,18 @@ impl Events {
         } else {
             format!("the event indicators still change ({})", changing.join(", "))
         };
-        Error::new(format!(
-            "the event at {} s does not end: after {MOST_ITERATIONS} iterations {still}",
-            Seconds(time)
-        ))
+        endless(time, &still)
     }
+}
+
+/// The error of an event at a time in s that does not end, and what still goes on.
+#[must_use]
+#[cold]
+pub fn endless(time: f64, still: &str) -> Error {
+    Error::new(format!(
+        "the event at {} s does not end: after {MOST_ITERATIONS} iterations {still}",
+        Seconds(time)
+    ))
 }
 
 /// The cause of an event.

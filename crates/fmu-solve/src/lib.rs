@@ -33,7 +33,7 @@ mod tape;
 pub mod time;
 
 pub use error::Error;
-pub use events::{Event, Events, MOST_ITERATIONS};
+pub use events::{Event, Events, MOST_ITERATIONS, endless};
 pub use integration::{DEFAULT_TOLERANCE, Integration};
 pub use number::{Dual, Number};
 pub use persistence::Persistent;

@@ -8,6 +8,7 @@ use fmu_abi::fmi2::c_types::ValueReference;
 use fmu_io::terminal::number;
 use fmu_solve::display::Seconds;
 use fmu_solve::time::coincidence;
+use fmu_solve::{MOST_ITERATIONS, endless};
 use fmu_terms::IntervalVariability;
 
 use super::c_boundary::{Clocks, EventHandling};
@@ -15,8 +16,6 @@ use super::calls::Calls;
 use super::fmu::{input_clocks, reference};
 use super::stepping::Stepping;
 
-/// The most updates of discrete states at one time, and the most early returns.
-const MOST_ITERATIONS: u32 = 1000;
 /// `fmi3IntervalChanged`.
 const CHANGED: c_int = 2;
 
@@ -213,12 +212,8 @@ impl EventMode {
                 return if is_watched { calls.watch_event(time, true) } else { Ok(()) };
             }
         }
-        bail!(
-            "{}: the event at {} s does not end: after {MOST_ITERATIONS} iterations discrete states still change, or \
-             clocks tick",
-            calls.name,
-            Seconds(time)
-        );
+        let endless = endless(time, "discrete states still change, or clocks tick");
+        bail!("{}: {endless}", calls.name);
     }
 
     /// Steps an FMU for co-simulation from a time (s) by a size (s), and handles its events before the end.

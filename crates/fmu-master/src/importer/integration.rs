@@ -7,8 +7,7 @@ use std::sync::Arc;
 use anyhow::{Error, Result, anyhow, bail};
 use fmu_abi::fmi2::c_types::ValueReference;
 use fmu_io::terminal::number;
-use fmu_solve::display::Seconds;
-use fmu_solve::event_loop::{EventLoop, Hybrid};
+use fmu_solve::event_loop::{self, EventLoop, Hybrid, MOST_TRIALS};
 use fmu_solve::integrator::{Directions, Integrator, Pattern, System, Tolerance, Trials};
 use fmu_solve::search::{Trajectory, first_event};
 use fmu_solve::time::End;
@@ -21,9 +20,6 @@ use super::derivative_check::{DerivativeCheck, Use, Wrong};
 use super::event_mode::EventMode;
 use super::exchange::Exchange;
 use super::messages::is_discarded;
-
-/// The most trials and events in a hundredth of a communication step, which must end.
-const MOST_TRIALS: u32 = 100_000;
 
 /// The solution of an instance's equations up to now.
 #[derive(Clone)]
@@ -299,13 +295,10 @@ impl Hybrid for Evolution<'_> {
             (Ok(reached), None) => reached,
             (Ok(reached), Some(failure)) if is_discarded(&failure) => reached,
             (_, Some(failure)) => return Err(failure),
-            (Err(failure), None) => bail!(
-                "{}: the states cannot be integrated beyond {} s: the error of {} stays above the tolerance \
-                 {relative:?}, or its derivative is not finite",
-                calls.name,
-                Seconds(*time),
-                calls.fmu.states[failure.state].name
-            ),
+            (Err(failure), None) => {
+                let state = &calls.fmu.states[failure.state].name;
+                bail!("{}: {}", calls.name, failure.error(*time, state, *relative))
+            }
         };
         let mut path = Path { solved, integrator, events, states, look, place: *place };
         let has_event = if path.solved.equations.indicators.is_empty() {
@@ -333,12 +326,8 @@ impl Hybrid for Evolution<'_> {
     }
 
     fn abandoned(&self, most_trials: u32, _events: u32) -> Error {
-        anyhow!(
-            "{}: the step from {} s was abandoned at {} s after {most_trials} trials and events",
-            self.calls.name,
-            Seconds(self.start),
-            Seconds(self.integration.time)
-        )
+        let abandoned = event_loop::abandoned(self.start, self.integration.time, most_trials);
+        anyhow!("{}: {abandoned}", self.calls.name)
     }
 }
 

@@ -6,6 +6,8 @@ use std::panic::catch_unwind;
 
 use super::method::{Method, RODAS5P};
 use super::pattern::Pattern;
+use crate::Error;
+use crate::display::Seconds;
 
 /// Directions along which products of the Jacobian are computed.
 pub trait Directions {
@@ -81,6 +83,19 @@ pub struct StepFailure {
     pub time: f64,
     /// The position of the state whose error is largest relative to its tolerance, or NaN.
     pub state: usize,
+}
+
+impl StepFailure {
+    /// The failure in words, at a time (s): the state's name, and the relative tolerance.
+    #[must_use]
+    #[cold]
+    pub fn error(self, time: f64, state: &str, tolerance: f64) -> Error {
+        Error::new(format!(
+            "the states cannot be integrated beyond {} s: the error of {state} stays above the tolerance {tolerance:?}, \
+             or its derivative is not finite",
+            Seconds(time)
+        ))
+    }
 }
 
 /// A part of a model's states.
