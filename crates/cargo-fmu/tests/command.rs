@@ -202,6 +202,7 @@ fn new_says_what_cannot_be_a_package_before_there_is_one() {
 #[test]
 fn new_sets_the_profile_of_a_workspace_of_its_own_and_tells_that_of_another() {
     const PROFILE: &str = "[profile.dev.package.\"*\"]\ndebug = false\n";
+    const LIBRARY_PROFILE: &str = "[profile.release]\ncodegen-units = 2\n";
     for (root, is_own, is_told) in [("", true, false), ("[workspace]\n", false, true)] {
         for profile in ["", "[profile.dev]\ndebug = 1\n"] {
             // Outside of this workspace.
@@ -214,7 +215,9 @@ fn new_sets_the_profile_of_a_workspace_of_its_own_and_tells_that_of_another() {
             let told = String::from_utf8_lossy(&output.stdout);
             assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
             let manifest = fs::read_to_string(path.join("Cargo.toml")).unwrap();
-            assert_eq!(manifest.contains(PROFILE), is_own, "{manifest}");
+            for settings in [PROFILE, LIBRARY_PROFILE] {
+                assert_eq!(manifest.contains(settings), is_own, "{manifest}");
+            }
             assert_eq!(told.contains(PROFILE), is_told && profile.is_empty(), "{told}");
         }
     }
