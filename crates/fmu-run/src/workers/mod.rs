@@ -6,8 +6,8 @@
 //! job whose answer is not one, as an FMU can write to any descriptor. The parent alone writes the journal and shows the
 //! progress.
 //!
-//! A worker goes on after a job in which its FMUs have [changed nothing](Changes) of the process. No process ends by way
-//! of the handlers that FMUs have registered: they could fail after a file is written.
+//! A worker goes on after a job in which its FMUs have [changed nothing](fmu_master::process::Changes) of the process.
+//! No process ends by way of the handlers that FMUs have registered: they could fail after a file is written.
 
 mod loss;
 mod pool;
