@@ -74,6 +74,7 @@ def run(clone: Path, environment: dict[str, str]):
 
 
 def test_a_release(run, clone: Path, environment: dict[str, str]) -> None:
+    run("build", "Install Rust, the sources of its standard library, zig and FMPy")
     run("build", "Build the command")
     # Debian's compiler has the sources of its standard library, which the workflow takes from rustup.
     with_sources = {"RUSTC": "/usr/bin/rustc", "CARGO_TARGET_DIR": str(clone / "target" / "build-std")}
