@@ -47,7 +47,7 @@ impl Calls {
         }
     }
 
-    fn component(&self) -> &Component {
+    pub fn component(&self) -> &Component {
         self.handle.component()
     }
 

@@ -118,7 +118,7 @@ pub struct SavedState {
 
 impl Drop for SavedState {
     fn drop(&mut self) {
-        self.handle.free_state(self.saved);
+        self.handle.component().free_state(self.saved);
     }
 }
 
@@ -158,7 +158,7 @@ impl Instance {
     /// Ends the run, as dropping the instance does. That the FMU fails to do so is one of its
     /// [warnings](Self::take_warnings).
     pub fn terminate(&mut self) {
-        self.calls.handle.terminate();
+        self.calls.component().terminate();
     }
 
     /// Sets the relative tolerance of the FMU's integrator, before [`Instance::set_up`]. In Model Exchange it is that
@@ -210,7 +210,7 @@ impl Instance {
         if let Some(events) = advance.events_mut() {
             events.initialize(calls, time)?;
         }
-        let called = calls.handle.exit_initialization_mode();
+        let called = calls.component().exit_initialization_mode();
         calls.check(&[], called)?;
         if let Some(events) = advance.events_mut() {
             events.begin();
@@ -461,7 +461,7 @@ impl Instance {
     /// # Errors
     /// When the FMU cannot save its state (capability `canGetAndSetFMUstate`), or the call fails.
     pub fn save(&mut self) -> Result<SavedState> {
-        let Ok((called, saved)) = self.calls.handle.get_state() else {
+        let Ok((called, saved)) = self.calls.component().get_state() else {
             bail!("{}: the FMU cannot save its state", self.calls.name);
         };
         self.calls.check(&[], called)?;
@@ -484,7 +484,7 @@ impl Instance {
         if !Rc::ptr_eq(&self.calls.handle, &saved.handle) {
             bail!("{}: the state belongs to another instance", self.calls.name);
         }
-        let Ok(called) = self.calls.handle.set_state(saved.saved) else {
+        let Ok(called) = self.calls.component().set_state(saved.saved) else {
             bail!("{}: the FMU cannot restore its state", self.calls.name);
         };
         self.calls.check(&[], called)?;

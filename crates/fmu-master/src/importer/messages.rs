@@ -38,7 +38,7 @@ impl Status {
     }
 }
 
-/// A function that an FMU's library lacks, by its name.
+/// What an FMU's library lacks: a function, by its name, or several.
 #[derive(Clone, Copy, Debug)]
 pub struct Missing(pub &'static str);
 

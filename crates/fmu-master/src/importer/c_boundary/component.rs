@@ -2,16 +2,83 @@
 
 use std::cell::Cell;
 use std::ffi::{CString, c_char, c_int, c_void};
+use std::ptr;
 use std::sync::Arc;
 
 use fmu_abi::fmi2::c_types::FmuState;
+use fmu_terms::Version;
 
-use super::super::messages::{Called, Message, Status};
-use super::library::Library;
+use super::super::messages::{Called, Message, Missing, Status};
+use super::library::{Function, Library, Symbols};
 use super::live::{Call, Environment, Live};
 use super::logger::CallbackFunctions;
+use super::types;
 
-/// An instance in its library. It and its saved states stay in one thread.
+/// Declares functions that both versions have alike, with their names in both, and how they are looked up.
+macro_rules! functions_of_both {
+    ($($(#[$meta:meta])* $table:ident { $($field:ident: $of_fmi2:ident / $of_fmi3:ident),* $(,)? })*) => {$(
+        $(#[$meta])*
+        #[derive(Clone, Copy)]
+        struct $table {
+            $($field: Function<types::fmi2::$of_fmi2>),*
+        }
+
+        impl $table {
+            /// # Safety
+            /// The library is one of the version.
+            unsafe fn load(symbols: &Symbols, version: Version) -> Result<Self, Missing> {
+                // SAFETY: the standard declares these types for these names.
+                unsafe {
+                    Ok(match version {
+                        Version::Two => Self {
+                            $($field: symbols.get::<types::fmi2::$of_fmi2>(stringify!($of_fmi2))?),*
+                        },
+                        Version::Three => Self {
+                            $($field: symbols.get::<types::fmi3::$of_fmi3>(stringify!($of_fmi3))?),*
+                        },
+                    })
+                }
+            }
+        }
+    )*};
+}
+
+functions_of_both! {
+    Life {
+        exit_initialization_mode: fmi2ExitInitializationMode / fmi3ExitInitializationMode,
+        terminate: fmi2Terminate / fmi3Terminate,
+        free_instance: fmi2FreeInstance / fmi3FreeInstance,
+    }
+
+    States {
+        get: fmi2GetFMUstate / fmi3GetFMUState,
+        set: fmi2SetFMUstate / fmi3SetFMUState,
+        free: fmi2FreeFMUstate / fmi3FreeFMUState,
+    }
+}
+
+/// The functions of a library that both versions have alike.
+#[derive(Clone, Copy)]
+pub struct Shared {
+    life: Life,
+    states: Result<States, Missing>,
+}
+
+impl Shared {
+    /// Looks the functions up.
+    ///
+    /// # Errors
+    /// If the library lacks one that every FMU has.
+    ///
+    /// # Safety
+    /// The library is one of the version.
+    pub unsafe fn load(symbols: &Symbols, version: Version) -> Result<Self, Missing> {
+        // SAFETY: the caller's promise.
+        unsafe { Ok(Self { life: Life::load(symbols, version)?, states: States::load(symbols, version) }) }
+    }
+}
+
+/// An instance in its library, alive until this is dropped. It and its saved states stay in one thread.
 pub struct Component {
     address: *mut c_void,
     live: Live,
@@ -24,6 +91,7 @@ pub struct Component {
     /// Whether a fatal error occurred, after which the standard forbids any call.
     is_dead: Cell<bool>,
     callbacks: Arc<CallbackFunctions>,
+    functions: Shared,
     library: Arc<Library>,
     // The FMU may keep pointers to these.
     _texts: [CString; 3],
@@ -33,9 +101,9 @@ pub struct Component {
 #[derive(Clone, Copy)]
 pub struct Saved {
     /// The state's address, of the FMU's own.
-    pub state: FmuState,
+    state: FmuState,
     /// Whether the instance had begun to run, so that `Terminate` is due.
-    pub runs: bool,
+    runs: bool,
 }
 
 /// What an instance is made with.
@@ -67,19 +135,24 @@ impl Component {
     ///
     /// # Errors
     /// If the function returns none.
-    pub fn new(
+    ///
+    /// # Safety
+    /// The functions are of the library, and what `instantiate` returns is what the function `by` does, or null.
+    pub unsafe fn new<F: Copy>(
         Instantiation { library, texts, .. }: Instantiation,
-        function: &'static str,
-        instantiate: impl FnOnce([*const c_char; 3], &CallbackFunctions, Environment) -> *mut c_void,
+        functions: Shared,
+        by: Function<F>,
+        instantiate: impl FnOnce(F, [*const c_char; 3], &CallbackFunctions, Environment) -> *mut c_void,
     ) -> Result<Self, NotMade> {
         let live = Live::new(texts[0].to_string_lossy().into_owned());
         let (callbacks, environment) = (library.callbacks(), live.environment());
         callbacks.set_environment(environment);
         let pointers = texts.each_ref().map(|text| text.as_ptr());
-        let address = live.call(Call::Of(function, None), || instantiate(pointers, &callbacks, environment));
+        let make = || instantiate(by.pointer, pointers, &callbacks, environment);
+        let address = live.call(Call::Of(by.name, None), make);
         if address.is_null() {
             library.take_back(callbacks);
-            return Err(NotMade { function, messages: live.take() });
+            return Err(NotMade { function: by.name, messages: live.take() });
         }
         Ok(Self {
             address,
@@ -89,6 +162,7 @@ impl Component {
             saved_states: Cell::new(0),
             is_dead: Cell::new(false),
             callbacks,
+            functions,
             library,
             _texts: texts,
         })
@@ -100,11 +174,16 @@ impl Component {
     }
 
     /// Calls a function with the instance's address, unless the instance is dead.
-    pub fn call(&self, function: &'static str, call: impl FnOnce(*mut c_void) -> c_int) -> Called {
+    pub fn call<F: Copy>(
+        &self,
+        Function { name: function, pointer }: Function<F>,
+        call: impl FnOnce(F, *mut c_void) -> c_int,
+    ) -> Called {
         if self.is_dead.get() {
             return Called { function, status: Status::FATAL };
         }
-        let status = Status(self.live.call(Call::Of(function, self.time.get()), || call(self.address)));
+        let at = Call::Of(function, self.time.get());
+        let status = Status(self.live.call(at, || call(pointer, self.address)));
         if status == Status::FATAL {
             self.is_dead.set(true);
         }
@@ -115,40 +194,22 @@ impl Component {
     }
 
     /// Calls a function after which the instance runs, if it succeeds.
-    pub fn run(&self, function: &'static str, call: impl FnOnce(*mut c_void) -> c_int) -> Called {
+    pub fn run<F: Copy>(&self, function: Function<F>, call: impl FnOnce(F, *mut c_void) -> c_int) -> Called {
         let called = self.call(function, call);
         self.runs.set(called.status.succeeded());
         called
     }
 
-    /// Whether no state before the present point is restored (FMI 2.0.5, section 4.2.2: noSetFMUStatePriorToCurrentPoint).
-    pub fn goes_on(&self) -> bool {
-        self.saved_states.get() == 0
+    pub fn exit_initialization_mode(&self) -> Called {
+        // SAFETY: the instance is alive, here and below.
+        self.run(self.functions.life.exit_initialization_mode, |exit, it| unsafe { exit(it) })
     }
 
-    /// Takes note of a state that a call saved.
-    pub fn saved(&self, called: Called, state: FmuState) -> (Called, Saved) {
-        if called.status.succeeded() {
-            self.saved_states.update(|count| count + 1);
-        }
-        (called, Saved { state, runs: self.runs.get() })
-    }
-
-    /// Takes note that a call restored a state, which makes possible again what an earlier step made impossible.
-    pub fn restored(&self, called: Called, saved: Saved) -> Called {
-        self.runs.set(called.status.succeeded() && saved.runs);
-        called
-    }
-
-    /// Takes note that a saved state is to be freed.
-    pub fn forget_state(&self) {
-        self.saved_states.update(|count| count.saturating_sub(1));
-    }
-
-    /// Ends the run by a function, unless none has begun. That it fails is a warning.
-    pub fn terminate(&self, function: &'static str, terminate: impl FnOnce(*mut c_void) -> c_int) {
+    /// Ends the run, unless none has begun. That it fails is a warning, as all results are there.
+    pub fn terminate(&self) {
         if self.runs.replace(false) {
-            let called = self.call(function, terminate);
+            // SAFETY: see above.
+            let called = self.call(self.functions.life.terminate, |terminate, it| unsafe { terminate(it) });
             if !called.status.succeeded() {
                 let text = called.to_string();
                 self.live.add(Message { status: Status::WARNING, text, time: self.time.get() });
@@ -156,15 +217,50 @@ impl Component {
         }
     }
 
-    /// Takes what the FMU has said; nobody takes what it says from here on, so that [`Component::free`] prints it.
-    pub fn drop_messages(&self) {
-        self.live.take();
+    /// Whether no state before the present point is restored (FMI 2.0.5, section 4.2.2: noSetFMUStatePriorToCurrentPoint).
+    pub fn goes_on(&self) -> bool {
+        self.saved_states.get() == 0
     }
 
-    /// Frees the instance by a function, unless it is dead; this is the last call.
-    pub fn free(&self, function: &'static str, free: impl FnOnce(*mut c_void)) {
+    /// Saves the state.
+    pub fn get_state(&self) -> Result<(Called, Saved), Missing> {
+        let mut state = ptr::null_mut();
+        // SAFETY: see above; a null state asks for a new one.
+        let called = self.call(self.functions.states?.get, |get, it| unsafe { get(it, &raw mut state) });
+        if called.status.succeeded() {
+            self.saved_states.update(|count| count + 1);
+        }
+        Ok((called, Saved { state, runs: self.runs.get() }))
+    }
+
+    /// Restores a state that the instance saved and that is not freed.
+    pub fn set_state(&self, saved: Saved) -> Result<Called, Missing> {
+        // SAFETY: see above, and the state is one that it gave and that is not freed.
+        let called = self.call(self.functions.states?.set, |set, it| unsafe { set(it, saved.state) });
+        // Restoring a state makes possible again what an earlier step made impossible.
+        self.runs.set(called.status.succeeded() && saved.runs);
+        Ok(called)
+    }
+
+    /// Frees a state that the instance saved and that is not used again.
+    pub fn free_state(&self, mut saved: Saved) {
+        self.saved_states.update(|count| count.saturating_sub(1));
+        if let Ok(States { free, .. }) = self.functions.states {
+            // SAFETY: see above, and the state is one that it gave and that is not freed.
+            self.call(free, |free, it| unsafe { free(it, &raw mut saved.state) });
+        }
+    }
+}
+
+impl Drop for Component {
+    fn drop(&mut self) {
+        // Nobody takes what it says from here on.
+        self.live.take();
+        self.terminate();
         if !self.is_dead.get() {
-            self.live.call(Call::Of(function, self.time.get()), || free(self.address));
+            let Function { name, pointer: free } = self.functions.life.free_instance;
+            // SAFETY: the instance is alive, and this is the last call.
+            self.live.call(Call::Of(name, self.time.get()), || unsafe { free(self.address) });
         }
         self.live.print();
         self.library.take_back(Arc::clone(&self.callbacks));

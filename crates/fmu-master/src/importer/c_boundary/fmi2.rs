@@ -8,44 +8,27 @@ use std::sync::Arc;
 use fmu_abi::ValueReference;
 use fmu_abi::fmi2::c_types::status_kind::{LAST_SUCCESSFUL_TIME, TERMINATED};
 use fmu_abi::fmi2::c_types::{Boolean, CO_SIMULATION, EventInfo, FALSE, MODEL_EXCHANGE, TRUE};
-use fmu_terms::{DataType, Interface};
+use fmu_terms::{DataType, Interface, Version};
 
 use super::super::messages::{Called, Missing, Status};
 use super::super::numbers::{Memory, NumberType, Numbers};
-use super::component::{Component, Instantiation, NotMade, Saved};
+use super::component::{Component, Instantiation, NotMade, Shared};
 use super::interfaces::{
     self, Clocks, CoSimulation, Common, Completed, Dependency, Discrete, EventHandling, Experiment, Handle,
     ModelExchange, Step, Vector,
 };
-use super::library::{Get2, Numbered, Set2, Symbols, functions};
+use super::library::{Function, Get2, Numbered, Set2, Symbols, functions};
 use super::logger::told;
+use super::types;
 
-/// The types of the functions, with a plain number as a status.
-mod types {
-    use std::ffi::c_int as Status;
-
-    use fmu_abi::fmi2::c_types::{
-        Boolean, Byte, Component, Enumeration, EventInfo, FmuState, Integer, String, ValueReference,
-    };
-
-    use super::super::logger::CallbackFunctions;
-
-    fmu_abi::fmi2_calls!(fmu_abi::function_types);
-}
-
-functions! {
+functions! { fmi2:
     /// Functions that every FMU has.
     Everywhere {
         instantiate: fmi2Instantiate,
         set_up_experiment: fmi2SetupExperiment,
         enter_initialization_mode: fmi2EnterInitializationMode,
-        exit_initialization_mode: fmi2ExitInitializationMode,
         set_string: fmi2SetString,
-        terminate: fmi2Terminate,
-        free_instance: fmi2FreeInstance,
     }
-
-    States { get: fmi2GetFMUstate, set: fmi2SetFMUstate, free: fmi2FreeFMUstate }
 
     /// Functions of co-simulation.
     Stepping { do_step: fmi2DoStep }
@@ -74,14 +57,14 @@ static NUMBERS: [Numbered; 3] = [
 
 /// The functions of a library, with those of one interface.
 struct Functions<Of> {
+    shared: Shared,
     everywhere: Everywhere,
-    numbers: Vec<(Get2, Set2)>,
-    get_string: Result<types::fmi2GetString, Missing>,
-    directional_derivative: Result<types::fmi2GetDirectionalDerivative, Missing>,
-    states: Result<States, Missing>,
+    numbers: Vec<(Function<Get2>, Function<Set2>)>,
+    get_string: Result<Function<types::fmi2::fmi2GetString>, Missing>,
+    directional_derivative: Result<Function<types::fmi2::fmi2GetDirectionalDerivative>, Missing>,
     /// The functions that tell how a step went.
-    real_status: Result<types::fmi2GetRealStatus, Missing>,
-    boolean_status: Result<types::fmi2GetBooleanStatus, Missing>,
+    real_status: Result<Function<types::fmi2::fmi2GetRealStatus>, Missing>,
+    boolean_status: Result<Function<types::fmi2::fmi2GetBooleanStatus>, Missing>,
     of_interface: Of,
 }
 
@@ -112,11 +95,11 @@ impl<Of> Functions<Of> {
         // SAFETY: the standard declares these types for these names.
         unsafe {
             Ok(Self {
+                shared: Shared::load(symbols, Version::Two)?,
                 everywhere: Everywhere::load(symbols)?,
                 numbers: NUMBERS.iter().map(|number| number.load(symbols)).collect::<Result<_, _>>()?,
                 get_string: symbols.get("fmi2GetString"),
                 directional_derivative: symbols.get("fmi2GetDirectionalDerivative"),
-                states: States::load(symbols),
                 real_status: symbols.get("fmi2GetRealStatus"),
                 boolean_status: symbols.get("fmi2GetBooleanStatus"),
                 of_interface,
@@ -151,14 +134,19 @@ impl OfInterface for Exchange {
 }
 
 impl<Of: OfInterface> interfaces::Functions for Functions<Of> {
-    fn instantiate(self: Arc<Self>, instantiation: Instantiation) -> Result<Handle, NotMade> {
-        let make = self.everywhere.instantiate;
-        let component =
-            Component::new(instantiation, "fmi2Instantiate", |[name, guid, resources], callbacks, _| {
-                // SAFETY: the texts live as long as the instance, the callbacks as long as the library. The instance is
-                // not visible and sends messages.
-                unsafe { make(name, Of::TYPE, guid, resources, callbacks, FALSE, TRUE) }
-            })?;
+    unsafe fn instantiate(self: Arc<Self>, instantiation: Instantiation) -> Result<Handle, NotMade> {
+        // SAFETY: the caller's promise. The texts live as long as the instance, the callbacks as long as the library. The
+        // instance is not visible and sends messages.
+        let component = unsafe {
+            Component::new(
+                instantiation,
+                self.shared,
+                self.everywhere.instantiate,
+                |instantiate, [name, guid, resources], callbacks, _| {
+                    instantiate(name, Of::TYPE, guid, resources, callbacks, FALSE, TRUE)
+                },
+            )?
+        };
         Ok(Of::handle(Rc::new(Instance { component, functions: self })))
     }
 
@@ -175,27 +163,10 @@ impl<Of: OfInterface> interfaces::Functions for Functions<Of> {
     }
 }
 
-/// An instance, alive until it is dropped, of the library that the functions are of.
+/// An instance of the library that the functions are of.
 struct Instance<Of> {
     component: Component,
     functions: Arc<Functions<Of>>,
-}
-
-impl<Of> Instance<Of> {
-    fn terminate(&self) {
-        // SAFETY: the instance is alive.
-        self.component.terminate("fmi2Terminate", |it| unsafe { (self.functions.everywhere.terminate)(it) });
-    }
-}
-
-impl<Of> Drop for Instance<Of> {
-    fn drop(&mut self) {
-        self.component.drop_messages();
-        self.terminate();
-        // SAFETY: the instance is alive, and this is the last call.
-        self.component
-            .free("fmi2FreeInstance", |it| unsafe { (self.functions.everywhere.free_instance)(it) });
-    }
 }
 
 impl<Of: OfInterface> Common for Instance<Of> {
@@ -206,8 +177,8 @@ impl<Of: OfInterface> Common for Instance<Of> {
     fn set_up_experiment(&self, experiment: &Experiment) -> Option<Called> {
         let Experiment { tolerance, start_time, stop_time } = *experiment;
         // SAFETY: the instance is alive.
-        let called = self.component.call("fmi2SetupExperiment", |it| unsafe {
-            (self.functions.everywhere.set_up_experiment)(
+        let called = self.component.call(self.functions.everywhere.set_up_experiment, |call, it| unsafe {
+            call(
                 it,
                 tolerance.is_some().into(),
                 tolerance.unwrap_or(0.0),
@@ -221,36 +192,24 @@ impl<Of: OfInterface> Common for Instance<Of> {
 
     fn enter_initialization_mode(&self, _: &Experiment) -> Called {
         // SAFETY: the instance is alive.
-        self.component.call("fmi2EnterInitializationMode", |it| unsafe {
-            (self.functions.everywhere.enter_initialization_mode)(it)
-        })
-    }
-
-    fn exit_initialization_mode(&self) -> Called {
-        // SAFETY: the instance is alive.
-        self.component.run("fmi2ExitInitializationMode", |it| unsafe {
-            (self.functions.everywhere.exit_initialization_mode)(it)
-        })
-    }
-
-    fn terminate(&self) {
-        self.terminate();
+        self.component
+            .call(self.functions.everywhere.enter_initialization_mode, |call, it| unsafe { call(it) })
     }
 
     fn get(&self, number_type: NumberType, references: &[ValueReference], values: &mut Numbers) -> Called {
-        let (number, (get, _)) = (&NUMBERS[number_type.place], self.functions.numbers[number_type.place]);
-        values.refuse_other(number.memory, references.len());
+        let (get, _) = self.functions.numbers[number_type.place];
+        values.refuse_other(NUMBERS[number_type.place].memory, references.len());
         let (count, address) = (references.len(), values.address_to_write());
         // SAFETY: the instance is alive, and the values, one for each reference, have the type's memory.
-        self.component.call(number.get, |it| unsafe { get(it, references.as_ptr(), count, address) })
+        self.component.call(get, |get, it| unsafe { get(it, references.as_ptr(), count, address) })
     }
 
     fn set(&self, number_type: NumberType, references: &[ValueReference], values: &Numbers) -> Called {
-        let (number, (_, set)) = (&NUMBERS[number_type.place], self.functions.numbers[number_type.place]);
-        values.refuse_other(number.memory, references.len());
+        let (_, set) = self.functions.numbers[number_type.place];
+        values.refuse_other(NUMBERS[number_type.place].memory, references.len());
         let (count, address) = (references.len(), values.address());
         // SAFETY: as in `get`.
-        self.component.call(number.set, |it| unsafe { set(it, references.as_ptr(), count, address) })
+        self.component.call(set, |set, it| unsafe { set(it, references.as_ptr(), count, address) })
     }
 
     fn get_strings(&self, reference: ValueReference, count: usize) -> Result<(Called, Vec<String>), Missing> {
@@ -259,7 +218,7 @@ impl<Of: OfInterface> Common for Instance<Of> {
         // SAFETY: the instance is alive, and there is room for the variable's one text.
         let called = self
             .component
-            .call("fmi2GetString", |it| unsafe { get(it, &raw const reference, 1, texts.as_mut_ptr()) });
+            .call(get, |get, it| unsafe { get(it, &raw const reference, 1, texts.as_mut_ptr()) });
         // SAFETY: the FMU has just told these texts, as the call succeeded.
         Ok((called, unsafe { told(called, &texts) }))
     }
@@ -267,8 +226,8 @@ impl<Of: OfInterface> Common for Instance<Of> {
     fn set_string(&self, reference: ValueReference, value: &CStr) -> Called {
         let text = value.as_ptr();
         // SAFETY: the instance is alive, both arrays have one element.
-        self.component.call("fmi2SetString", |it| unsafe {
-            (self.functions.everywhere.set_string)(it, &raw const reference, 1, &raw const text)
+        self.component.call(self.functions.everywhere.set_string, |call, it| unsafe {
+            call(it, &raw const reference, 1, &raw const text)
         })
     }
 
@@ -284,36 +243,13 @@ impl<Of: OfInterface> Common for Instance<Of> {
         assert!(of <= derivatives.len() && by <= seed.len(), "each reference has its number");
         let (unknowns, knowns) = (unknowns.as_ptr(), knowns.as_ptr());
         // SAFETY: the instance is alive, and each reference has its number.
-        Ok(self.component.call("fmi2GetDirectionalDerivative", |it| unsafe {
+        Ok(self.component.call(get, |get, it| unsafe {
             get(it, unknowns, of, knowns, by, seed.as_ptr(), derivatives.as_mut_ptr())
         }))
     }
 
     fn dependencies(&self, _: ValueReference) -> Result<(Called, Vec<Dependency>), Missing> {
         Err(Missing("fmi3GetVariableDependencies"))
-    }
-
-    fn get_state(&self) -> Result<(Called, Saved), Missing> {
-        let States { get, .. } = self.functions.states.as_ref().map_err(|missing| *missing)?;
-        let mut state = ptr::null_mut();
-        // SAFETY: the instance is alive; a null state asks for a new one.
-        let called = self.component.call("fmi2GetFMUstate", |it| unsafe { get(it, &raw mut state) });
-        Ok(self.component.saved(called, state))
-    }
-
-    fn set_state(&self, saved: Saved) -> Result<Called, Missing> {
-        let States { set, .. } = self.functions.states.as_ref().map_err(|missing| *missing)?;
-        // SAFETY: the instance is alive, and the state is one that it gave and that is not freed.
-        let called = self.component.call("fmi2SetFMUstate", |it| unsafe { set(it, saved.state) });
-        Ok(self.component.restored(called, saved))
-    }
-
-    fn free_state(&self, mut saved: Saved) {
-        self.component.forget_state();
-        if let Ok(States { free, .. }) = &self.functions.states {
-            // SAFETY: the instance is alive, and the state is one that it gave and that is not freed.
-            self.component.call("fmi2FreeFMUstate", |it| unsafe { free(it, &raw mut saved.state) });
-        }
     }
 }
 
@@ -323,9 +259,7 @@ impl Instance<Stepping> {
         let Ok(get) = self.functions.boolean_status else { return false };
         let mut terminates: Boolean = FALSE;
         // SAFETY: the instance is alive, the place to write to is ours.
-        let called = self
-            .component
-            .call("fmi2GetBooleanStatus", |it| unsafe { get(it, TERMINATED, &raw mut terminates) });
+        let called = self.component.call(get, |get, it| unsafe { get(it, TERMINATED, &raw mut terminates) });
         called.status.succeeded() && terminates != FALSE
     }
 }
@@ -334,8 +268,8 @@ impl CoSimulation for Instance<Stepping> {
     fn do_step(&self, time: f64, size: f64) -> Step {
         let component = &self.component;
         // SAFETY: the instance is alive.
-        let called = component.run("fmi2DoStep", |it| unsafe {
-            (self.functions.of_interface.do_step)(it, time, size, component.goes_on().into())
+        let called = component.run(self.functions.of_interface.do_step, |call, it| unsafe {
+            call(it, time, size, component.goes_on().into())
         });
         Step {
             called,
@@ -350,9 +284,8 @@ impl CoSimulation for Instance<Stepping> {
         let get = self.functions.real_status.ok()?;
         let mut time = f64::NAN;
         // SAFETY: the instance is alive, the place to write to is ours.
-        let called = self
-            .component
-            .call("fmi2GetRealStatus", |it| unsafe { get(it, LAST_SUCCESSFUL_TIME, &raw mut time) });
+        let called =
+            self.component.call(get, |get, it| unsafe { get(it, LAST_SUCCESSFUL_TIME, &raw mut time) });
         Some(time).filter(|time| called.status.succeeded() && time.is_finite())
     }
 }
@@ -360,23 +293,22 @@ impl CoSimulation for Instance<Stepping> {
 impl EventHandling for Instance<Exchange> {
     fn enter_event_mode(&self) -> Called {
         // SAFETY: the instance is alive.
-        self.component
-            .call("fmi2EnterEventMode", |it| unsafe { (self.functions.of_interface.enter_event_mode)(it) })
+        self.component.call(self.functions.of_interface.enter_event_mode, |call, it| unsafe { call(it) })
     }
 
     fn leave_event_mode(&self) -> Called {
         // SAFETY: the instance is alive.
-        self.component.call("fmi2EnterContinuousTimeMode", |it| unsafe {
-            (self.functions.of_interface.enter_continuous_time_mode)(it)
-        })
+        self.component
+            .call(self.functions.of_interface.enter_continuous_time_mode, |call, it| unsafe { call(it) })
     }
 
     fn update_discrete_states(&self) -> (Called, Discrete) {
         let mut info = EventInfo::default();
         // SAFETY: the instance is alive, the place to write to is ours.
-        let called = self.component.call("fmi2NewDiscreteStates", |it| unsafe {
-            (self.functions.of_interface.new_discrete_states)(it, &raw mut info)
-        });
+        let called =
+            self.component.call(self.functions.of_interface.new_discrete_states, |call, it| unsafe {
+                call(it, &raw mut info)
+            });
         let has_next = info.next_event_time_defined != FALSE;
         let discrete = Discrete {
             needs_update: info.new_discrete_states_needed != FALSE,
@@ -395,40 +327,36 @@ impl ModelExchange for Instance<Exchange> {
     fn set_time(&self, time: f64) -> Called {
         self.component.time.set(Some(time));
         // SAFETY: the instance is alive.
-        self.component.call("fmi2SetTime", |it| unsafe { (self.functions.of_interface.set_time)(it, time) })
+        self.component.call(self.functions.of_interface.set_time, |call, it| unsafe { call(it, time) })
     }
 
     fn set_states(&self, states: &[f64]) -> Called {
         // SAFETY: the instance is alive, and the pointer is to as many numbers.
-        self.component.call("fmi2SetContinuousStates", |it| unsafe {
-            (self.functions.of_interface.set_states)(it, states.as_ptr(), states.len())
+        self.component.call(self.functions.of_interface.set_states, |call, it| unsafe {
+            call(it, states.as_ptr(), states.len())
         })
     }
 
     fn get_vector(&self, vector: Vector, values: &mut [f64]) -> Called {
         let of = &self.functions.of_interface;
-        let (name, get) = match vector {
-            Vector::States => ("fmi2GetContinuousStates", of.states),
-            Vector::Nominals => ("fmi2GetNominalsOfContinuousStates", of.nominals),
-            Vector::Derivatives => ("fmi2GetDerivatives", of.derivatives),
-            Vector::Indicators => ("fmi2GetEventIndicators", of.indicators),
+        let get = match vector {
+            Vector::States => of.states,
+            Vector::Nominals => of.nominals,
+            Vector::Derivatives => of.derivatives,
+            Vector::Indicators => of.indicators,
         };
         // SAFETY: the instance is alive, and the pointer is to as many numbers.
-        self.component.call(name, |it| unsafe { get(it, values.as_mut_ptr(), values.len()) })
+        self.component.call(get, |get, it| unsafe { get(it, values.as_mut_ptr(), values.len()) })
     }
 
     fn completed_integrator_step(&self) -> (Called, Completed) {
         let component = &self.component;
         let (mut event, mut terminates): (Boolean, Boolean) = (FALSE, FALSE);
         // SAFETY: the instance is alive, the places to write to are ours.
-        let called = component.call("fmi2CompletedIntegratorStep", |it| unsafe {
-            (self.functions.of_interface.completed_integrator_step)(
-                it,
-                component.goes_on().into(),
-                &raw mut event,
-                &raw mut terminates,
-            )
-        });
+        let called = component
+            .call(self.functions.of_interface.completed_integrator_step, |call, it| unsafe {
+                call(it, component.goes_on().into(), &raw mut event, &raw mut terminates)
+            });
         (called, Completed { has_event: event != FALSE, terminates: terminates != FALSE })
     }
 }

@@ -1,54 +1,34 @@
 //! The functions of FMI 3.0, and the calls to them.
 
-use std::ffi::{CStr, c_int, c_void};
+use std::ffi::{CStr, c_int};
 use std::ptr;
 use std::rc::Rc;
 use std::sync::Arc;
 
 use fmu_abi::ValueReference;
 use fmu_abi::fmi3::c_types::{Boolean, FALSE, TRUE};
-use fmu_terms::{DataType, Interface};
+use fmu_terms::{DataType, Interface, Version};
 
 use super::super::messages::{Called, Missing};
 use super::super::numbers::{Memory, NumberType, Numbers};
-use super::component::{Component, Instantiation, NotMade, Saved, UseOfEvents};
+use super::component::{Component, Instantiation, NotMade, Shared, UseOfEvents};
 use super::interfaces::{
     self, Clocks, CoSimulation, Common, Completed, Dependency, Discrete, EventCoSimulation, EventHandling,
     Experiment, Handle, ModelExchange, Step, Vector,
 };
-use super::library::{Get3, Numbered, Set3, Symbols, functions};
+use super::library::{Function, Get3, Numbered, Set3, Symbols, functions};
 use super::logger::{log_message, told};
-
-/// The types of the functions, with a plain number as a status.
-mod types {
-    use std::ffi::c_int as Status;
-
-    use fmu_abi::fmi3::c_types::{
-        Binary, Boolean, Byte, Clock, ClockUpdateCallback, Enumeration, FmuState, Instance,
-        IntermediateUpdateCallback, PreemptionCallback, String, ValueReference,
-    };
-
-    use super::super::live::Environment as InstanceEnvironment;
-
-    type LogMessageCallback = unsafe extern "C" fn(InstanceEnvironment, Status, String, String);
-
-    fmu_abi::fmi3_calls!(fmu_abi::function_types);
-}
+use super::types;
 
 /// The most dependencies of a variable that are read, of some 24 bytes each.
 const MOST_DEPENDENCIES: usize = 10_000_000;
 
-functions! {
+functions! { fmi3:
     /// Functions that every FMU has.
     Everywhere {
         enter_initialization_mode: fmi3EnterInitializationMode,
-        exit_initialization_mode: fmi3ExitInitializationMode,
         set_string: fmi3SetString,
-        terminate: fmi3Terminate,
-        free_instance: fmi3FreeInstance,
     }
-
-    States { get: fmi3GetFMUState, set: fmi3SetFMUState, free: fmi3FreeFMUState }
 
     /// Functions that tell dependencies by element.
     Dependencies { count: fmi3GetNumberOfVariableDependencies, get: fmi3GetVariableDependencies }
@@ -112,12 +92,12 @@ static NUMBERS: [Numbered; 11] = [
 
 /// The functions of a library, with those of one interface.
 struct Functions<Of> {
+    shared: Shared,
     everywhere: Everywhere,
-    numbers: Vec<(Get3, Set3)>,
-    get_string: Result<types::fmi3GetString, Missing>,
-    directional_derivative: Result<types::fmi3GetDirectionalDerivative, Missing>,
+    numbers: Vec<(Function<Get3>, Function<Set3>)>,
+    get_string: Result<Function<types::fmi3::fmi3GetString>, Missing>,
+    directional_derivative: Result<Function<types::fmi3::fmi3GetDirectionalDerivative>, Missing>,
     dependencies: Result<Dependencies, Missing>,
-    states: Result<States, Missing>,
     of_interface: Of,
 }
 
@@ -156,12 +136,12 @@ impl<Of> Functions<Of> {
         // SAFETY: the standard declares these types for these names.
         unsafe {
             Ok(Self {
+                shared: Shared::load(symbols, Version::Three)?,
                 everywhere: Everywhere::load(symbols)?,
                 numbers: NUMBERS.iter().map(|number| number.load(symbols)).collect::<Result<_, _>>()?,
                 get_string: symbols.get("fmi3GetString"),
                 directional_derivative: symbols.get("fmi3GetDirectionalDerivative"),
                 dependencies: Dependencies::load(symbols),
-                states: States::load(symbols),
                 of_interface,
             })
         }
@@ -170,8 +150,11 @@ impl<Of> Functions<Of> {
 
 /// An interface, by its functions.
 trait OfInterface: Send + Sync + Sized + 'static {
-    /// Makes an instance.
-    fn instantiate(&self, instantiation: Instantiation) -> Result<Component, NotMade>;
+    /// Makes an instance, for which the library has the functions of both versions.
+    ///
+    /// # Safety
+    /// The functions are of the library.
+    unsafe fn instantiate(&self, instantiation: Instantiation, shared: Shared) -> Result<Component, NotMade>;
 
     /// What an instance is asked for.
     fn handle(instance: Rc<Instance<Self>>, events: UseOfEvents) -> Handle;
@@ -181,16 +164,17 @@ trait OfInterface: Send + Sync + Sized + 'static {
 }
 
 impl OfInterface for Stepping {
-    fn instantiate(&self, instantiation: Instantiation) -> Result<Component, NotMade> {
+    unsafe fn instantiate(&self, instantiation: Instantiation, shared: Shared) -> Result<Component, NotMade> {
         let UseOfEvents { in_event_mode, by_early_return } = instantiation.events;
-        Component::new(
-            instantiation,
-            "fmi3InstantiateCoSimulation",
-            |[name, token, resources], _, environment| {
-                // SAFETY: the texts live as long as the instance, the callback for ever. The instance is not visible,
-                // sends messages, and calls in no step.
-                unsafe {
-                    (self.instantiate)(
+        // SAFETY: the caller's promise. The texts live as long as the instance, the callback for ever. The instance is not
+        // visible, sends messages, and calls in no step.
+        unsafe {
+            Component::new(
+                instantiation,
+                shared,
+                self.instantiate,
+                |instantiate, [name, token, resources], _, environment| {
+                    instantiate(
                         name,
                         token,
                         resources,
@@ -204,9 +188,9 @@ impl OfInterface for Stepping {
                         Some(log_message),
                         None,
                     )
-                }
-            },
-        )
+                },
+            )
+        }
     }
 
     fn handle(instance: Rc<Instance<Self>>, _: UseOfEvents) -> Handle {
@@ -219,8 +203,9 @@ impl OfInterface for Stepping {
 }
 
 impl OfInterface for EventStepping {
-    fn instantiate(&self, instantiation: Instantiation) -> Result<Component, NotMade> {
-        self.stepping.instantiate(instantiation)
+    unsafe fn instantiate(&self, instantiation: Instantiation, shared: Shared) -> Result<Component, NotMade> {
+        // SAFETY: the caller's promise.
+        unsafe { OfInterface::instantiate(&self.stepping, instantiation, shared) }
     }
 
     fn handle(instance: Rc<Instance<Self>>, events: UseOfEvents) -> Handle {
@@ -237,25 +222,18 @@ impl OfInterface for EventStepping {
 }
 
 impl OfInterface for Exchange {
-    fn instantiate(&self, instantiation: Instantiation) -> Result<Component, NotMade> {
-        Component::new(
-            instantiation,
-            "fmi3InstantiateModelExchange",
-            |[name, token, resources], _, environment| {
-                // SAFETY: as for co-simulation.
-                unsafe {
-                    (self.solving.instantiate)(
-                        name,
-                        token,
-                        resources,
-                        FALSE,
-                        TRUE,
-                        environment,
-                        Some(log_message),
-                    )
-                }
-            },
-        )
+    unsafe fn instantiate(&self, instantiation: Instantiation, shared: Shared) -> Result<Component, NotMade> {
+        // SAFETY: as for co-simulation.
+        unsafe {
+            Component::new(
+                instantiation,
+                shared,
+                self.solving.instantiate,
+                |instantiate, [name, token, resources], _, environment| {
+                    instantiate(name, token, resources, FALSE, TRUE, environment, Some(log_message))
+                },
+            )
+        }
     }
 
     fn handle(instance: Rc<Instance<Self>>, _: UseOfEvents) -> Handle {
@@ -268,9 +246,10 @@ impl OfInterface for Exchange {
 }
 
 impl<Of: OfInterface> interfaces::Functions for Functions<Of> {
-    fn instantiate(self: Arc<Self>, instantiation: Instantiation) -> Result<Handle, NotMade> {
+    unsafe fn instantiate(self: Arc<Self>, instantiation: Instantiation) -> Result<Handle, NotMade> {
         let events = instantiation.events;
-        let component = self.of_interface.instantiate(instantiation)?;
+        // SAFETY: the caller's promise.
+        let component = unsafe { self.of_interface.instantiate(instantiation, self.shared)? };
         Ok(Of::handle(Rc::new(Instance { component, functions: self }), events))
     }
 
@@ -287,27 +266,10 @@ impl<Of: OfInterface> interfaces::Functions for Functions<Of> {
     }
 }
 
-/// An instance, alive until it is dropped, of the library that the functions are of.
+/// An instance of the library that the functions are of.
 struct Instance<Of> {
     component: Component,
     functions: Arc<Functions<Of>>,
-}
-
-impl<Of> Instance<Of> {
-    fn terminate(&self) {
-        // SAFETY: the instance is alive.
-        self.component.terminate("fmi3Terminate", |it| unsafe { (self.functions.everywhere.terminate)(it) });
-    }
-}
-
-impl<Of> Drop for Instance<Of> {
-    fn drop(&mut self) {
-        self.component.drop_messages();
-        self.terminate();
-        // SAFETY: the instance is alive, and this is the last call.
-        self.component
-            .free("fmi3FreeInstance", |it| unsafe { (self.functions.everywhere.free_instance)(it) });
-    }
 }
 
 impl<Of: OfInterface> Common for Instance<Of> {
@@ -322,8 +284,8 @@ impl<Of: OfInterface> Common for Instance<Of> {
     fn enter_initialization_mode(&self, experiment: &Experiment) -> Called {
         let Experiment { tolerance, start_time, stop_time } = *experiment;
         // SAFETY: the instance is alive.
-        self.component.call("fmi3EnterInitializationMode", |it| unsafe {
-            (self.functions.everywhere.enter_initialization_mode)(
+        self.component.call(self.functions.everywhere.enter_initialization_mode, |call, it| unsafe {
+            call(
                 it,
                 tolerance.is_some().into(),
                 tolerance.unwrap_or(0.0),
@@ -334,41 +296,30 @@ impl<Of: OfInterface> Common for Instance<Of> {
         })
     }
 
-    fn exit_initialization_mode(&self) -> Called {
-        // SAFETY: the instance is alive.
-        self.component.run("fmi3ExitInitializationMode", |it| unsafe {
-            (self.functions.everywhere.exit_initialization_mode)(it)
-        })
-    }
-
-    fn terminate(&self) {
-        self.terminate();
-    }
-
     fn get(&self, number_type: NumberType, references: &[ValueReference], values: &mut Numbers) -> Called {
-        let (number, (get, _)) = (&NUMBERS[number_type.place], self.functions.numbers[number_type.place]);
-        values.refuse_other(number.memory, references.len());
+        let (get, _) = self.functions.numbers[number_type.place];
+        values.refuse_other(NUMBERS[number_type.place].memory, references.len());
         let (count, size, address) = (references.len(), values.len(), values.address_to_write());
         // SAFETY: the instance is alive, and the values have the type's memory. An array's reference has all its elements,
         // and the FMU checks the total count.
-        self.component.call(number.get, |it| unsafe { get(it, references.as_ptr(), count, address, size) })
+        self.component.call(get, |get, it| unsafe { get(it, references.as_ptr(), count, address, size) })
     }
 
     fn set(&self, number_type: NumberType, references: &[ValueReference], values: &Numbers) -> Called {
-        let (number, (_, set)) = (&NUMBERS[number_type.place], self.functions.numbers[number_type.place]);
-        values.refuse_other(number.memory, references.len());
+        let (_, set) = self.functions.numbers[number_type.place];
+        values.refuse_other(NUMBERS[number_type.place].memory, references.len());
         let (count, size, address) = (references.len(), values.len(), values.address());
         // SAFETY: as in `get`.
-        self.component.call(number.set, |it| unsafe { set(it, references.as_ptr(), count, address, size) })
+        self.component.call(set, |set, it| unsafe { set(it, references.as_ptr(), count, address, size) })
     }
 
     fn get_strings(&self, reference: ValueReference, count: usize) -> Result<(Called, Vec<String>), Missing> {
         let get = self.functions.get_string?;
         let mut texts = vec![ptr::null(); count];
         // SAFETY: the instance is alive, and the pointers are as many as the variable's texts, which the FMU checks.
-        let called = self.component.call("fmi3GetString", |it| unsafe {
-            get(it, &raw const reference, 1, texts.as_mut_ptr(), count)
-        });
+        let called = self
+            .component
+            .call(get, |get, it| unsafe { get(it, &raw const reference, 1, texts.as_mut_ptr(), count) });
         // SAFETY: the FMU has just told these texts, if the call succeeded.
         Ok((called, unsafe { told(called, &texts) }))
     }
@@ -376,8 +327,8 @@ impl<Of: OfInterface> Common for Instance<Of> {
     fn set_string(&self, reference: ValueReference, value: &CStr) -> Called {
         let text = value.as_ptr();
         // SAFETY: the instance is alive, both arrays have one element.
-        self.component.call("fmi3SetString", |it| unsafe {
-            (self.functions.everywhere.set_string)(it, &raw const reference, 1, &raw const text, 1)
+        self.component.call(self.functions.everywhere.set_string, |call, it| unsafe {
+            call(it, &raw const reference, 1, &raw const text, 1)
         })
     }
 
@@ -393,19 +344,16 @@ impl<Of: OfInterface> Common for Instance<Of> {
         assert!(of <= count && by <= seeds, "each reference has its number");
         let (unknowns, knowns) = (unknowns.as_ptr(), knowns.as_ptr());
         // SAFETY: the instance is alive. An array's reference has all its elements, and the FMU checks the total count.
-        Ok(self.component.call("fmi3GetDirectionalDerivative", |it| unsafe {
+        Ok(self.component.call(get, |get, it| unsafe {
             get(it, unknowns, of, knowns, by, seed.as_ptr(), seeds, derivatives.as_mut_ptr(), count)
         }))
     }
 
     fn dependencies(&self, of: ValueReference) -> Result<(Called, Vec<Dependency>), Missing> {
-        let Dependencies { count: get_count, get } =
-            self.functions.dependencies.as_ref().map_err(|missing| *missing)?;
+        let Dependencies { count: get_count, get } = self.functions.dependencies?;
         let mut count = 0;
         // SAFETY: the instance is alive, the place to write to is ours.
-        let called = self
-            .component
-            .call("fmi3GetNumberOfVariableDependencies", |it| unsafe { get_count(it, of, &raw mut count) });
+        let called = self.component.call(get_count, |call, it| unsafe { call(it, of, &raw mut count) });
         // More than all pairs of elements of the largest arrays are none.
         if !called.status.succeeded() || count > MOST_DEPENDENCIES {
             return Ok((called, vec![]));
@@ -413,7 +361,7 @@ impl<Of: OfInterface> Common for Instance<Of> {
         let (mut elements, mut independents) = (vec![0; count], vec![0; count]);
         let (mut elements_of_independents, mut kinds) = (vec![0; count], vec![0; count]);
         // SAFETY: the instance is alive, and each place to write to is ours and has as many elements as is said.
-        let called = self.component.call("fmi3GetVariableDependencies", |it| unsafe {
+        let called = self.component.call(get, |get, it| unsafe {
             let (elements, independents) = (elements.as_mut_ptr(), independents.as_mut_ptr());
             let (others, kinds) = (elements_of_independents.as_mut_ptr(), kinds.as_mut_ptr());
             get(it, of, elements, independents, others, kinds, count)
@@ -421,29 +369,6 @@ impl<Of: OfInterface> Common for Instance<Of> {
         let pairs = elements.into_iter().zip(independents.into_iter().zip(elements_of_independents));
         let dependency = |(element, (on, element_of_it))| Dependency { element, on, element_of_it };
         Ok((called, pairs.map(dependency).collect()))
-    }
-
-    fn get_state(&self) -> Result<(Called, Saved), Missing> {
-        let States { get, .. } = self.functions.states.as_ref().map_err(|missing| *missing)?;
-        let mut state = ptr::null_mut();
-        // SAFETY: the instance is alive; a null state asks for a new one.
-        let called = self.component.call("fmi3GetFMUState", |it| unsafe { get(it, &raw mut state) });
-        Ok(self.component.saved(called, state))
-    }
-
-    fn set_state(&self, saved: Saved) -> Result<Called, Missing> {
-        let States { set, .. } = self.functions.states.as_ref().map_err(|missing| *missing)?;
-        // SAFETY: the instance is alive, and the state is one that it gave and that is not freed.
-        let called = self.component.call("fmi3SetFMUState", |it| unsafe { set(it, saved.state) });
-        Ok(self.component.restored(called, saved))
-    }
-
-    fn free_state(&self, mut saved: Saved) {
-        self.component.forget_state();
-        if let Ok(States { free, .. }) = &self.functions.states {
-            // SAFETY: the instance is alive, and the state is one that it gave and that is not freed.
-            self.component.call("fmi3FreeFMUState", |it| unsafe { free(it, &raw mut saved.state) });
-        }
     }
 }
 
@@ -470,8 +395,8 @@ impl<Of: Steps> CoSimulation for Instance<Of> {
         let (mut event, mut terminates, mut early): (Boolean, Boolean, Boolean) = (FALSE, FALSE, FALSE);
         let mut reached = f64::NAN;
         // SAFETY: the instance is alive, the places to write to are ours.
-        let called = component.run("fmi3DoStep", |it| unsafe {
-            (self.functions.of_interface.stepping().do_step)(
+        let called = component.run(self.functions.of_interface.stepping().do_step, |call, it| unsafe {
+            call(
                 it,
                 time,
                 size,
@@ -501,7 +426,7 @@ trait WithEvents: OfInterface {
     fn events(&self) -> &Events;
 
     /// The function that ends Event Mode.
-    fn leave(&self) -> (&'static str, unsafe extern "C" fn(*mut c_void) -> c_int);
+    fn leave(&self) -> Function<types::fmi3::fmi3EnterStepMode>;
 }
 
 impl WithEvents for EventStepping {
@@ -509,8 +434,8 @@ impl WithEvents for EventStepping {
         &self.events
     }
 
-    fn leave(&self) -> (&'static str, unsafe extern "C" fn(*mut c_void) -> c_int) {
-        ("fmi3EnterStepMode", self.step_mode.enter)
+    fn leave(&self) -> Function<types::fmi3::fmi3EnterStepMode> {
+        self.step_mode.enter
     }
 }
 
@@ -519,40 +444,33 @@ impl WithEvents for Exchange {
         &self.events
     }
 
-    fn leave(&self) -> (&'static str, unsafe extern "C" fn(*mut c_void) -> c_int) {
-        ("fmi3EnterContinuousTimeMode", self.solving.enter_continuous_time_mode)
+    fn leave(&self) -> Function<types::fmi3::fmi3EnterStepMode> {
+        self.solving.enter_continuous_time_mode
     }
 }
 
 impl<Of: WithEvents> EventHandling for Instance<Of> {
     fn enter_event_mode(&self) -> Called {
         // SAFETY: the instance is alive.
-        self.component.call("fmi3EnterEventMode", |it| unsafe {
-            (self.functions.of_interface.events().enter_event_mode)(it)
-        })
+        self.component
+            .call(self.functions.of_interface.events().enter_event_mode, |call, it| unsafe { call(it) })
     }
 
     fn leave_event_mode(&self) -> Called {
-        let (name, leave) = self.functions.of_interface.leave();
+        let leave = self.functions.of_interface.leave();
         // SAFETY: the instance is alive.
-        self.component.call(name, |it| unsafe { leave(it) })
+        self.component.call(leave, |leave, it| unsafe { leave(it) })
     }
 
     fn update_discrete_states(&self) -> (Called, Discrete) {
         let (mut flags, mut next): ([Boolean; 5], f64) = ([FALSE; 5], 0.0);
         let [again, terminates, nominals, values, has_next] = &mut flags;
         // SAFETY: the instance is alive, the places to write to are ours.
-        let called = self.component.call("fmi3UpdateDiscreteStates", |it| unsafe {
-            (self.functions.of_interface.events().update_discrete_states)(
-                it,
-                again,
-                terminates,
-                nominals,
-                values,
-                has_next,
-                &raw mut next,
-            )
-        });
+        let called = self
+            .component
+            .call(self.functions.of_interface.events().update_discrete_states, |call, it| unsafe {
+                call(it, again, terminates, nominals, values, has_next, &raw mut next)
+            });
         let [needs_update, terminates, _, _, has_next] = flags.map(|flag| flag != FALSE);
         (called, Discrete { needs_update, terminates, next_event: has_next.then_some(next) })
     }
@@ -566,31 +484,26 @@ impl<Of: WithEvents> Clocks for Instance<Of> {
     fn tick(&self, clock: ValueReference) -> Called {
         let ticks: Boolean = TRUE;
         // SAFETY: the instance is alive, both arrays have one element.
-        self.component.call("fmi3SetClock", |it| unsafe {
-            (self.functions.of_interface.events().set_clock)(it, &raw const clock, 1, &raw const ticks)
+        self.component.call(self.functions.of_interface.events().set_clock, |call, it| unsafe {
+            call(it, &raw const clock, 1, &raw const ticks)
         })
     }
 
     fn interval(&self, clock: ValueReference) -> (Called, f64, c_int) {
         let (mut interval, mut qualifier) = (0.0, 0);
         // SAFETY: the instance is alive, the arrays have one element.
-        let called = self.component.call("fmi3GetIntervalDecimal", |it| unsafe {
-            (self.functions.of_interface.events().get_interval)(
-                it,
-                &raw const clock,
-                1,
-                &raw mut interval,
-                &raw mut qualifier,
-            )
-        });
+        let called =
+            self.component.call(self.functions.of_interface.events().get_interval, |call, it| unsafe {
+                call(it, &raw const clock, 1, &raw mut interval, &raw mut qualifier)
+            });
         (called, interval, qualifier)
     }
 
     fn shift(&self, clock: ValueReference) -> (Called, f64) {
         let mut shift = 0.0;
         // SAFETY: the instance is alive, both arrays have one element.
-        let called = self.component.call("fmi3GetShiftDecimal", |it| unsafe {
-            (self.functions.of_interface.events().get_shift)(it, &raw const clock, 1, &raw mut shift)
+        let called = self.component.call(self.functions.of_interface.events().get_shift, |call, it| unsafe {
+            call(it, &raw const clock, 1, &raw mut shift)
         });
         (called, shift)
     }
@@ -603,40 +516,36 @@ impl ModelExchange for Instance<Exchange> {
         self.component.time.set(Some(time));
         // SAFETY: the instance is alive.
         self.component
-            .call("fmi3SetTime", |it| unsafe { (self.functions.of_interface.solving.set_time)(it, time) })
+            .call(self.functions.of_interface.solving.set_time, |call, it| unsafe { call(it, time) })
     }
 
     fn set_states(&self, states: &[f64]) -> Called {
         // SAFETY: the instance is alive, and the pointer is to as many numbers.
-        self.component.call("fmi3SetContinuousStates", |it| unsafe {
-            (self.functions.of_interface.solving.set_states)(it, states.as_ptr(), states.len())
+        self.component.call(self.functions.of_interface.solving.set_states, |call, it| unsafe {
+            call(it, states.as_ptr(), states.len())
         })
     }
 
     fn get_vector(&self, vector: Vector, values: &mut [f64]) -> Called {
         let of = &self.functions.of_interface.solving;
-        let (name, get) = match vector {
-            Vector::States => ("fmi3GetContinuousStates", of.states),
-            Vector::Nominals => ("fmi3GetNominalsOfContinuousStates", of.nominals),
-            Vector::Derivatives => ("fmi3GetContinuousStateDerivatives", of.derivatives),
-            Vector::Indicators => ("fmi3GetEventIndicators", of.indicators),
+        let get = match vector {
+            Vector::States => of.states,
+            Vector::Nominals => of.nominals,
+            Vector::Derivatives => of.derivatives,
+            Vector::Indicators => of.indicators,
         };
         // SAFETY: the instance is alive, and the pointer is to as many numbers.
-        self.component.call(name, |it| unsafe { get(it, values.as_mut_ptr(), values.len()) })
+        self.component.call(get, |get, it| unsafe { get(it, values.as_mut_ptr(), values.len()) })
     }
 
     fn completed_integrator_step(&self) -> (Called, Completed) {
         let component = &self.component;
         let (mut event, mut terminates): (Boolean, Boolean) = (FALSE, FALSE);
         // SAFETY: the instance is alive, the places to write to are ours.
-        let called = component.call("fmi3CompletedIntegratorStep", |it| unsafe {
-            (self.functions.of_interface.solving.completed_integrator_step)(
-                it,
-                component.goes_on().into(),
-                &raw mut event,
-                &raw mut terminates,
-            )
-        });
+        let called = component
+            .call(self.functions.of_interface.solving.completed_integrator_step, |call, it| unsafe {
+                call(it, component.goes_on().into(), &raw mut event, &raw mut terminates)
+            });
         (called, Completed { has_event: event != FALSE, terminates: terminates != FALSE })
     }
 }

@@ -9,7 +9,7 @@ use fmu_abi::ValueReference;
 
 use super::super::messages::{Called, Missing};
 use super::super::numbers::{NumberType, Numbers};
-use super::component::{Component, Instantiation, NotMade, Saved};
+use super::component::{Component, Instantiation, NotMade};
 use super::library::Numbered;
 
 /// An instance, with what it is asked for.
@@ -39,7 +39,10 @@ pub trait Functions: Send + Sync {
     ///
     /// # Errors
     /// If the FMU refuses.
-    fn instantiate(self: Arc<Self>, instantiation: Instantiation) -> Result<Handle, NotMade>;
+    ///
+    /// # Safety
+    /// The functions were looked up in the library of the instantiation.
+    unsafe fn instantiate(self: Arc<Self>, instantiation: Instantiation) -> Result<Handle, NotMade>;
 
     /// The types of numbers that the version has functions for.
     fn numbers(&self) -> &'static [Numbered];
@@ -80,11 +83,6 @@ pub trait Common {
 
     fn enter_initialization_mode(&self, experiment: &Experiment) -> Called;
 
-    fn exit_initialization_mode(&self) -> Called;
-
-    /// Ends the run, unless none has begun. That it fails is a warning, as all results are there.
-    fn terminate(&self);
-
     /// Gets numbers of a type. An array's reference has all its elements.
     fn get(&self, number_type: NumberType, references: &[ValueReference], values: &mut Numbers) -> Called;
 
@@ -108,15 +106,6 @@ pub trait Common {
 
     /// What the elements of a variable depend on.
     fn dependencies(&self, of: ValueReference) -> Result<(Called, Vec<Dependency>), Missing>;
-
-    /// Saves the state.
-    fn get_state(&self) -> Result<(Called, Saved), Missing>;
-
-    /// Restores a state that the instance saved and that is not freed.
-    fn set_state(&self, saved: Saved) -> Result<Called, Missing>;
-
-    /// Frees a state that the instance saved and that is not used again.
-    fn free_state(&self, saved: Saved);
 }
 
 /// How a step went.

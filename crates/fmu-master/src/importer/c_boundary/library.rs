@@ -55,6 +55,13 @@ fn missing_package(text: &str) -> Option<String> {
     })
 }
 
+/// A function of a library.
+#[derive(Clone, Copy)]
+pub struct Function<F> {
+    pub name: &'static str,
+    pub pointer: F,
+}
+
 /// A loaded library, in which functions are looked up.
 pub struct Symbols(libloading::Library);
 
@@ -62,20 +69,21 @@ impl Symbols {
     /// A function that the library must have.
     ///
     /// # Safety
-    /// `Function` is the type that the standard declares for this name.
-    pub unsafe fn get<Function: Copy>(&self, name: &'static str) -> Result<Function, Missing> {
+    /// `F` is the type that the standard declares for this name.
+    pub unsafe fn get<F: Copy>(&self, name: &'static str) -> Result<Function<F>, Missing> {
         // SAFETY: the caller's promise.
-        let symbol = unsafe { self.0.get::<Function>(name) };
-        symbol.map(|symbol| *symbol).map_err(|_| Missing(name))
+        let symbol = unsafe { self.0.get::<F>(name) };
+        symbol.map(|symbol| Function { name, pointer: *symbol }).map_err(|_| Missing(name))
     }
 }
 
 /// Declares the functions of a version that a library has together, with their names, and how they are looked up.
 macro_rules! functions {
-    ($($(#[$meta:meta])* $table:ident { $($field:ident: $name:ident),* $(,)? })*) => {$(
+    ($version:ident: $($(#[$meta:meta])* $table:ident { $($field:ident: $name:ident),* $(,)? })*) => {$(
         $(#[$meta])*
+        #[derive(Clone, Copy)]
         struct $table {
-            $($field: types::$name),*
+            $($field: Function<types::$version::$name>),*
         }
 
         impl $table {
@@ -83,7 +91,7 @@ macro_rules! functions {
             /// The library is one of the version.
             unsafe fn load(symbols: &Symbols) -> Result<Self, Missing> {
                 // SAFETY: the standard declares these types for these names.
-                unsafe { Ok(Self { $($field: symbols.get::<types::$name>(stringify!($name))?),* }) }
+                unsafe { Ok(Self { $($field: symbols.get::<types::$version::$name>(stringify!($name))?),* }) }
             }
         }
     )*};
@@ -118,7 +126,10 @@ impl Numbered {
     ///
     /// # Safety
     /// `Get` and `Set` are the types that the version declares for these names.
-    pub unsafe fn load<Get: Copy, Set: Copy>(&self, symbols: &Symbols) -> Result<(Get, Set), Missing> {
+    pub unsafe fn load<Get: Copy, Set: Copy>(
+        &self,
+        symbols: &Symbols,
+    ) -> Result<(Function<Get>, Function<Set>), Missing> {
         // SAFETY: the caller's promise.
         unsafe { Ok((symbols.get(self.get)?, symbols.get(self.set)?)) }
     }

@@ -44,7 +44,9 @@ impl Loaded {
     /// If the FMU refuses.
     pub fn instantiate(&self, texts: [CString; 3], events: UseOfEvents) -> Result<Handle, NotMade> {
         let library = Arc::clone(&self.library);
-        Arc::clone(&self.functions).instantiate(Instantiation { library, texts, events })
+        let instantiation = Instantiation { library, texts, events };
+        // SAFETY: the functions were looked up in this library.
+        unsafe { Arc::clone(&self.functions).instantiate(instantiation) }
     }
 
     /// The FMU's folder.

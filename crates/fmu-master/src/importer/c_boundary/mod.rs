@@ -18,6 +18,7 @@ mod live;
 mod loaded;
 mod logger;
 pub mod process;
+mod types;
 
 pub use self::component::{Component, NotMade, Saved, UseOfEvents};
 pub use self::interfaces::{
