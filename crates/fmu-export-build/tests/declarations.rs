@@ -4,6 +4,8 @@
 //! default; the same declarations are tried each time. For others and more:
 //! `RANDOM_DECLARATIONS=20000 cargo test --release -p fmu-export-build --test declarations -- --ignored`.
 
+mod random;
+
 use std::env;
 use std::fmt::Write as _;
 use std::fs;
@@ -12,6 +14,8 @@ use std::process::Command;
 
 use fmu_export_build::{Fmi, Interfaces, Package, Version, generate_into};
 use serde_json::{Value, json};
+
+use random::Random;
 
 /// How many declarations are tried, unless `RANDOM_DECLARATIONS` gives another number.
 const COUNT: usize = 50;
@@ -61,25 +65,7 @@ const TEXTS: [&str; 19] = [
 /// The type of some Reals.
 const REAL_TYPE: &str = "a 'type' of \"Reals\"";
 
-/// `SplitMix64` (Steele, Lea and Flood 2014).
-struct Random(u64);
-
 impl Random {
-    fn below(&mut self, bound: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        usize::try_from((mixed ^ (mixed >> 31)) % bound as u64).expect("it is less than a usize")
-    }
-
-    fn one_in(&mut self, number: usize) -> bool {
-        self.below(number) == 0
-    }
-
-    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
-        from[self.below(from.len())]
-    }
-
     fn name(&mut self) -> String {
         match self.below(40) {
             0 => self.pick(&RESERVED).to_owned(),

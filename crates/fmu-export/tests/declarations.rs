@@ -5,10 +5,15 @@
 //! `RANDOM_DECLARATIONS=2000 cargo test -p fmu-export --test declarations -- --ignored`.
 #![cfg(feature = "derive")]
 
+#[path = "../../fmu-export-build/tests/random/mod.rs"]
+mod random;
+
 use std::env;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
+
+use random::Random;
 
 /// How many types are tried, unless `RANDOM_DECLARATIONS` gives another number.
 const COUNT: usize = 100;
@@ -90,9 +95,6 @@ const NUMBERS: [&str; 4] = ["u8", "u16", "i32", "f64"];
 
 const VISIBILITIES: [&str; 6] = ["", "", "pub", "pub(crate)", "pub(in crate)", "pub(self)"];
 
-/// `SplitMix64` (Steele, Lea and Flood 2014).
-struct Random(u64);
-
 /// A value, and the same with defaults in place of what is skipped: expressions, and the bytes of the state.
 #[derive(Clone, Default)]
 struct Value {
@@ -156,21 +158,6 @@ struct Variant {
 }
 
 impl Random {
-    fn below(&mut self, bound: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        usize::try_from((mixed ^ (mixed >> 31)) % bound as u64).expect("it is less than a usize")
-    }
-
-    fn one_in(&mut self, number: usize) -> bool {
-        self.below(number) == 0
-    }
-
-    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
-        from[self.below(from.len())]
-    }
-
     /// Different ones.
     fn some<T: Copy + PartialEq>(&mut self, from: &[T], count: usize) -> Vec<T> {
         let mut some = vec![];
