@@ -61,7 +61,7 @@ impl<F: Fmu> Instance<F> {
     }
 
     fn initialize(&mut self, inputs: &InputsOf<F::Model>) {
-        self.inputs.clone_from(inputs);
+        self.variables.inputs_mut().clone_from(inputs);
         self.0.initialize().expect("initialization succeeds");
     }
 
@@ -75,7 +75,7 @@ impl<F: Fmu> Instance<F> {
 
     fn step(&mut self, start: f64, size: f64, inputs: &InputsOf<F::Model>) {
         self.time = start;
-        self.0.step_with(size, &InputSignal::constant(inputs.clone())).expect("the step succeeds");
+        self.0.step_with(size, &InputSignal::constant(inputs)).expect("the step succeeds");
     }
 }
 
@@ -176,7 +176,7 @@ impl Loop {
         }
         self.plant.variables.parameters.tank.frozen = false;
         let Simulation { model, variables, .. } = &mut *self.plant;
-        model.refresh(0.0, variables, &inputs);
+        model.refresh(0.0, variables);
         self
     }
 

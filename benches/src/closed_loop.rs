@@ -139,7 +139,7 @@ impl Models {
                 boost_pressure: measured.boost_pressure,
                 tank_pressure: measured.tank_pressure,
                 supply_voltage_measured: measured.supply_voltage_measured,
-                ..*self.controller.inputs.initial()
+                ..self.controller.variables.inputs
             });
             self.controller.step(STEP);
             self.plant.set(commands(&self.controller));

@@ -15,18 +15,16 @@ use fmu_export::{Dual, Inputs as _, Model as _, Simulation, Tape, Variables as _
 
 #[inline(never)]
 fn adjoint(plant: &Simulation<BoostPlant>, weights: &Variables, tape: &mut Tape) -> Variables {
-    let Simulation { model, variables, inputs, .. } = plant;
-    model
-        .differentiate_backwards(0.0, variables, inputs, weights, false, tape)
-        .expect("there are derivatives")
+    let Simulation { model, variables, .. } = plant;
+    model.differentiate_backwards(0.0, variables, weights, false, tape).expect("there are derivatives")
 }
 
 #[inline(never)]
 fn directional(plant: &Simulation<BoostPlant>) -> (Inputs, States) {
-    let Simulation { model, variables, inputs, .. } = plant;
+    let Simulation { model, variables, .. } = plant;
     let along = |direction: &Variables| {
         model
-            .differentiate(Dual::default(), variables, inputs, direction)
+            .differentiate(Dual::default(), variables, direction)
             .expect("there are derivatives")
             .outputs
             .charge_temperature

@@ -1,6 +1,6 @@
 //! A model called directly, without FMI.
 
-use fmu_export::{Context, Experiment, InputSignal, InputsOf, Model, Step};
+use fmu_export::{Context, Experiment, InputSignal, InputsOf, Model, Step, Variables as _};
 
 /// A model with its variables, inputs and time.
 #[derive(Clone)]
@@ -9,8 +9,8 @@ pub struct Direct<M: Model> {
     pub model: M,
     /// The model's variables.
     pub variables: M::Variables,
-    /// The inputs of the next step.
-    pub inputs: InputSignal<InputsOf<M>>,
+    /// The inputs during the next step.
+    inputs: InputSignal<InputsOf<M>>,
     /// The end of the last step in s.
     pub time: f64,
 }
@@ -22,18 +22,20 @@ impl<M: Model> Direct<M> {
     /// When it cannot be initialized.
     pub fn new(inputs: InputsOf<M>, change: impl FnOnce(&mut M::Variables)) -> Self {
         let (mut model, mut variables) = (M::default(), M::Variables::default());
+        let signal = InputSignal::constant(&inputs);
+        *variables.inputs_mut() = inputs;
         change(&mut variables);
         M::check_parameters(&variables).expect("the parameters are consistent");
-        let inputs = InputSignal::constant(inputs);
         let mut log = |_, _: std::fmt::Arguments<'_>| {};
         let mut context = Context::new(Experiment::default(), &mut log);
-        model.initialize(&mut variables, inputs.initial(), &mut context).expect("initialization succeeds");
-        Self { model, variables, inputs, time: 0.0 }
+        model.initialize(&mut variables, &mut context).expect("initialization succeeds");
+        Self { model, variables, inputs: signal, time: 0.0 }
     }
 
     /// Sets the inputs.
     pub fn set(&mut self, inputs: InputsOf<M>) {
-        self.inputs = InputSignal::constant(inputs);
+        self.inputs = InputSignal::constant(&inputs);
+        *self.variables.inputs_mut() = inputs;
     }
 
     /// A communication step with its size in s.

@@ -155,13 +155,8 @@ impl Sampled for ControlLaw {
     /// The outputs are those of the mode without memory. Initialization leaves no memory and does not use measured
     /// boost pressure, so that a plant that settles at these outputs can be initialized together with the controller
     /// without a loop.
-    fn initialize(
-        &mut self,
-        variables: &mut Variables,
-        inputs: &Inputs,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        let Variables { parameters, locals, outputs, .. } = variables;
+    fn initialize(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {
+        let Variables { parameters, inputs, locals, outputs, .. } = variables;
         warn_of_ignored_schedule(parameters, context);
         let supply_voltage = SupplyVoltage::default().measured(inputs.supply_voltage_measured);
         let compensator = Compensator::new(parameters, supply_voltage);
@@ -176,11 +171,10 @@ impl Sampled for ControlLaw {
         &mut self,
         sample: Sample,
         variables: &mut Variables,
-        inputs: &Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         variables.locals.sample_count = i32::try_from(sample.number + 1).unwrap_or(i32::MAX);
-        let Variables { parameters, locals, outputs, .. } = variables;
+        let Variables { parameters, inputs, locals, outputs, .. } = variables;
         let was_found = self.diagnosis.findings();
         self.diagnosis.check_sensors(parameters, inputs);
         let mut boost_control = self.diagnosis.boost_control(parameters);

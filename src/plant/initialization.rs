@@ -167,8 +167,7 @@ fn follow_transient(parameters: &Parameters, inputs: &Inputs, start: States) -> 
     // The default, so that the start does not depend on integration settings.
     parameters.solver = Parameters::default().solver;
     let mut simulation = Simulation::<BoostPlant> {
-        variables: Variables { parameters, start, ..Variables::default() },
-        inputs: *inputs,
+        variables: Variables { parameters, inputs: *inputs, start, ..Variables::default() },
         ..Simulation::default()
     };
     if simulation.initialize().is_ok() {

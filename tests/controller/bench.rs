@@ -48,13 +48,13 @@ impl Bench {
     }
 
     pub fn initialize(&mut self, inputs: &Inputs) {
-        self.inputs = *inputs;
+        self.variables.inputs = *inputs;
         self.0.initialize().expect("initialization succeeds");
     }
 
     /// One communication step.
     pub fn step(&mut self, start: f64, size: f64, inputs: &Inputs) -> Outputs {
-        (self.time, self.inputs) = (start, *inputs);
+        (self.time, self.variables.inputs) = (start, *inputs);
         self.0.step(size).expect("the step succeeds");
         self.variables.outputs
     }

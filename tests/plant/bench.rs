@@ -27,8 +27,9 @@ impl DerefMut for Bench {
 impl Bench {
     /// A plant with changed parameters and start values, initialized at time 0.
     pub fn new(inputs: Inputs, change: impl FnOnce(&mut Parameters, &mut States)) -> Self {
-        let mut bench = Self(Simulation { inputs, ..Simulation::default() });
-        let Variables { parameters, start, .. } = &mut bench.variables;
+        let mut bench = Self(Simulation::default());
+        let Variables { inputs: of_bench, parameters, start, .. } = &mut bench.variables;
+        *of_bench = inputs;
         change(parameters, start);
         bench.initialize();
         bench

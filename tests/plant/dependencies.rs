@@ -74,10 +74,7 @@ pub fn unknowns_at(point: &Variables, unknowns: &[ValueReference]) -> Vec<f64> {
     let mut variables = point.clone();
     let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
     let mut context = Context::new(Experiment::default(), &mut log);
-    let inputs = *point.inputs();
-    BoostPlant::default()
-        .initialize(&mut variables, &inputs, &mut context)
-        .expect("there are values everywhere");
+    BoostPlant::default().initialize(&mut variables, &mut context).expect("there are values everywhere");
     unknowns.iter().map(|&unknown| variables.real(unknown)).collect()
 }
 

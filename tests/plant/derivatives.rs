@@ -19,7 +19,7 @@ fn initialized(point: &Variables) -> (BoostPlant, Variables) {
     let (mut model, mut variables) = (BoostPlant::default(), point.clone());
     let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
     let mut context = Context::new(Experiment::default(), &mut log);
-    model.initialize(&mut variables, point.inputs(), &mut context).expect("there are values everywhere");
+    model.initialize(&mut variables, &mut context).expect("there are values everywhere");
     (model, variables)
 }
 
@@ -30,9 +30,9 @@ fn derivatives(point: &Variables, known: ValueReference, of_initialization: bool
     direction.set_real(known, 1.0);
     let start = Dual::from(0.0);
     let derivatives = if of_initialization {
-        model.differentiate_initialization(start, &variables, variables.inputs(), &direction)
+        model.differentiate_initialization(start, &variables, &direction)
     } else {
-        model.differentiate(start, &variables, variables.inputs(), &direction)
+        model.differentiate(start, &variables, &direction)
     };
     derivatives.expect("there are derivatives")
 }
@@ -183,11 +183,11 @@ fn compare_adjoint(point: &Variables, knowns: &[ValueReference], unknowns: &[Val
     let mut tape = Tape::new();
     let (mut sum, mut differences) = (0.0, Vec::new());
     for &unknown in unknowns {
-        let (inputs, weights) = (variables.inputs(), Variables::weights(&[unknown], &[1.0]));
+        let weights = Variables::weights(&[unknown], &[1.0]);
         let row = if initial {
-            model.differentiate_initialization_backwards(0.0, &variables, inputs, &weights, &mut tape)
+            model.differentiate_initialization_backwards(0.0, &variables, &weights, &mut tape)
         } else {
-            model.differentiate_backwards(0.0, &variables, inputs, &weights, true, &mut tape)
+            model.differentiate_backwards(0.0, &variables, &weights, true, &mut tape)
         }
         .expect("there are derivatives");
         for (&known, column) in knowns.iter().zip(&columns) {

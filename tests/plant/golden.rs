@@ -47,7 +47,7 @@ fn the_trajectory_matches_the_reference() {
     let phase = |pwm, voltage| Inputs { hp_wastegate_pwm: pwm, supply_voltage: voltage, ..Inputs::default() };
     let mut bench = Bench::running(phase(20.0, 12.0), false);
     for (case, inputs) in [("T1", phase(20.0, 12.0)), ("T2", phase(50.0, 11.1))] {
-        bench.inputs = inputs;
+        bench.variables.inputs = inputs;
         bench.run(2.0);
         let found =
             [&reference_states(&bench.variables.states)[..], &reference_outputs(&bench.variables)].concat();

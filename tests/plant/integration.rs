@@ -109,7 +109,7 @@ fn ramps_within_steps_are_integrated() {
         let size = duration / f64::from(steps);
         for step in 0..steps {
             let time = f64::from(step) * size;
-            let mut signal = InputSignal::constant(inputs_at(time));
+            let mut signal = InputSignal::constant(&inputs_at(time));
             for (name, begin) in MOVING {
                 // At a bound they lead beyond it, where the input is limited.
                 for order in 1..=3 {
@@ -138,7 +138,7 @@ fn one_step_of_an_hour_executes_as_many_samples_as_short_steps() {
     let after = |seconds: u32| {
         let mut bench = begin.clone();
         for step in 0..3600 / seconds {
-            let mut signal = InputSignal::constant(ramp(f64::from(step * seconds)));
+            let mut signal = InputSignal::constant(&ramp(f64::from(step * seconds)));
             signal.set_derivative(input("engine_speed"), 1, 0.5);
             bench.step_with(f64::from(seconds), &signal).expect("the step succeeds");
         }
@@ -160,7 +160,7 @@ fn uneven_steps_follow_the_recorded_experiment() {
     let (mut shortest, mut longest) = (f64::INFINITY, 0.0_f64);
     let mut row = 0;
     while row < rows.len() {
-        bench.inputs = inputs_of(&rows[row][1..11]);
+        bench.variables.inputs = inputs_of(&rows[row][1..11]);
         // Several of the experiment's steps at once while the inputs are constant, up to 1.5 s; or one in parts.
         let most = random.between(0.0, 1.5);
         let mut last = row;
@@ -193,7 +193,7 @@ fn exhaust_pressure_on_the_wastegate_is_integrated() {
     let mut expected = begin.variables.states;
     for (duty, engine_speed) in [(70.0, 1500.0), (0.0, 2500.0), (45.0, 3500.0)] {
         let inputs = Inputs { hp_wastegate_pwm: duty, engine_speed, ..Inputs::default() };
-        bench.inputs = inputs;
+        bench.variables.inputs = inputs;
         for step in 0..5 {
             bench.run(0.1);
             expected = runge_kutta(&begin.variables.parameters, |_| inputs, &expected, 0.1);

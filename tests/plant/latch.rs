@@ -14,7 +14,7 @@ fn a_new_duty_acts_from_the_next_period_on() {
     let at_start = bench.variables.states.valve.plunger_duty;
     // Steps of 1 ms; periods start at 0, 3.33, 6.67 ms.
     bench.step(1e-3);
-    bench.inputs.hp_wastegate_pwm = 80.0;
+    bench.variables.inputs.hp_wastegate_pwm = 80.0;
     bench.step(1e-3);
     bench.step(1e-3);
     assert!((bench.variables.states.valve.plunger_duty - at_start).abs() < 1e-12);
@@ -30,7 +30,7 @@ fn a_new_duty_acts_from_the_next_period_on() {
 fn the_voltage_acts_at_once() {
     let mut bench = latched();
     bench.step(1e-3);
-    bench.inputs.supply_voltage = 10.0;
+    bench.variables.inputs.supply_voltage = 10.0;
     bench.step(1e-3);
     assert!((bench.variables.locals.valve.commanded_duty - 40.0 * 10.0 / 12.0).abs() < 1e-12);
 }
@@ -44,11 +44,11 @@ fn periods_are_counted_from_the_start_of_the_experiment_and_copied_with_the_mode
     bench.run(0.05);
     let mut copy = bench.clone();
     for bench in [&mut bench, &mut copy] {
-        bench.inputs.hp_wastegate_pwm = 60.0;
+        bench.variables.inputs.hp_wastegate_pwm = 60.0;
         // 50 ms are 15 periods: the next one starts at once.
         bench.step(1e-3);
         assert!((bench.variables.locals.valve.commanded_duty - 60.0).abs() < 1e-12);
-        bench.inputs.hp_wastegate_pwm = 70.0;
+        bench.variables.inputs.hp_wastegate_pwm = 70.0;
         bench.step(2e-3);
         assert!((bench.variables.locals.valve.commanded_duty - 60.0).abs() < 1e-12);
     }
@@ -64,7 +64,7 @@ fn a_duty_that_changes_at_the_starts_of_periods_is_not_delayed() {
             parameters.valve.pwm_frequency = 320.0;
         });
         for duty in [40.0, 55.0, 30.0, 90.0, 45.0, 45.0, 60.0] {
-            bench.inputs.hp_wastegate_pwm = duty;
+            bench.variables.inputs.hp_wastegate_pwm = duty;
             bench.step(0.0125);
         }
         bench.variables.states.to_array()

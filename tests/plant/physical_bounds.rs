@@ -154,7 +154,7 @@ fn check_flows(bench: &Bench, context: &str, impossible: &mut Vec<String>) {
             impossible.push(format!("{context}: {name} = {flow:e} from {from:e} Pa to {to:e} Pa"));
         }
     };
-    let ambient = bench.inputs.ambient_pressure;
+    let ambient = bench.variables.inputs.ambient_pressure;
     downhill(
         "valve.tank_mass_flow",
         locals.valve.tank_mass_flow,
@@ -239,7 +239,7 @@ fn run(case: u64, outcome: &mut Outcome) {
     }
     check(&bench, &format!("case {case} at the start"), &mut outcome.impossible);
     for step in 0..8 {
-        bench.inputs = random_inputs(&mut random);
+        bench.variables.inputs = random_inputs(&mut random);
         let size = 10.0_f64.powf(random.between(-6.0, 3.0));
         let result = Simulation::step(&mut bench, size);
         if result.is_err() || !is_finite(&bench.variables) {

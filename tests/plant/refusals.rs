@@ -57,7 +57,7 @@ fn the_lightest_rod_against_the_stiffest_stops_is_integrated() {
         p.actuator.mass = 1e-3;
         p.actuator.stop_stiffness = 1e7;
     });
-    bench.inputs.hp_wastegate_pwm = 0.0;
+    bench.variables.inputs.hp_wastegate_pwm = 0.0;
     bench.run(1.0);
     let states = &bench.variables.states;
     // The spring's preload of 19 N presses it 1.9 um into the stop.

@@ -178,7 +178,7 @@ fn a_tank_frozen_during_the_run_keeps_its_pressure() {
         let mut bench = Bench::new(Inputs { vacuum_pump: 1.0, ..Inputs::default() }, |parameters, _| {
             parameters.actuator.exhaust_area = exhaust_area;
         });
-        bench.inputs.hp_wastegate_pwm = 80.0;
+        bench.variables.inputs.hp_wastegate_pwm = 80.0;
         bench.run(0.05);
         let pressure = bench.variables.outputs.tank_pressure;
         bench.variables.parameters.tank.frozen = true;

@@ -58,7 +58,7 @@ fn the_recorded_experiment_is_reproduced() {
     for row in lines.map(|line| numbers(line, ',')).filter(|row| !row.is_empty()) {
         let inputs = inputs_of(&row[1..11]);
         let bench = bench.get_or_insert_with(|| Bench::given(inputs, states));
-        bench.inputs = inputs;
+        bench.variables.inputs = inputs;
         bench.step(row[0] - bench.time);
         errors.add(bench, &row[11..]);
     }
@@ -78,7 +78,7 @@ fn experiments_in_which_all_inputs_move_are_reproduced() {
         let mut step = 0;
         while let Some(row) = next.take() {
             while bench.time < row[0] - 1e-9 {
-                bench.inputs = experiment.inputs(step);
+                bench.variables.inputs = experiment.inputs(step);
                 step += 1;
                 bench.step(f64::from(step) * STEP - bench.time);
             }
@@ -97,7 +97,7 @@ fn the_smaller_tolerance_counts() {
             parameters.solver.relative_tolerance = parameter;
         });
         bench.experiment.tolerance = importer;
-        bench.inputs.hp_wastegate_pwm = 80.0;
+        bench.variables.inputs.hp_wastegate_pwm = 80.0;
         bench.run(0.5);
         bench.variables.states.to_array().map(f64::to_bits)
     };

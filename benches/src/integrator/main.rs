@@ -63,7 +63,7 @@ fn run_built_in<P: Problem>(tolerance: f64, steps: u32, way: Way) -> Run {
     simulation.experiment.tolerance = Some(tolerance);
     simulation.experiment.stop_time = Some(P::END);
     simulation.initialize().expect("problems can be initialized");
-    let mut inputs = InputSignal::constant(simulation.inputs.clone());
+    let mut inputs = InputSignal::constant(simulation.variables.inputs());
     if way != Way::Restart {
         inputs = inputs.kept();
     }

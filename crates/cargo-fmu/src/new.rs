@@ -79,6 +79,8 @@ enum Template {
     Sampled,
     /// Two sampled controllers, each with a clock of its own
     Cascade,
+    /// A queue that another simulation steps, for co-simulation
+    Checkout,
 }
 
 /// The files of a template.
@@ -121,6 +123,7 @@ impl Template {
             Self::DriveCycle => files!("drive_cycle", "resources/cycle.csv"),
             Self::Sampled => files!("sampled"),
             Self::Cascade => files!("cascade"),
+            Self::Checkout => files!("checkout", "src/queue.rs"),
         }
     }
 }
@@ -267,7 +270,7 @@ fn relative(crates: &Path, package: &Path) -> PathBuf {
 }
 
 /// Types used by the templates, after which no model can be named.
-const USED_TYPES: [&str; 17] = [
+const USED_TYPES: [&str; 20] = [
     "Context",
     "Equations",
     "Error",
@@ -280,10 +283,13 @@ const USED_TYPES: [&str; 17] = [
     "Outputs",
     "Parameters",
     "Persistent",
+    "Queue",
     "Sample",
     "Sampled",
     "Simulation",
     "States",
+    "Step",
+    "Stepper",
     "Variables",
 ];
 

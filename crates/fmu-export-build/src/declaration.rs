@@ -247,9 +247,9 @@ pub(crate) struct Capabilities {
     pub(crate) get_and_set_state: bool,
     /// A saved state can be moved to another process. Default: whether it can be saved.
     pub(crate) serialize_state: Option<bool>,
-    /// The model implements `Model::differentiate`.
+    /// A `Stepper` implements `Stepper::differentiate`.
     pub(crate) directional_derivatives: bool,
-    /// The model implements `Model::differentiate_backwards`. FMI 3.0 only.
+    /// A `Stepper` implements `Stepper::differentiate_backwards`. FMI 3.0 only.
     pub(crate) adjoint_derivatives: bool,
     /// In FMI 3.0 co-simulation, importers may handle the model's events, and exchange values between internal steps.
     pub(crate) event_mode: bool,

@@ -147,7 +147,7 @@ impl Generated {
         if library.is_file() && !uses_generated(&package.join("src")) {
             let reason = format!(
                 "nothing uses the variables of {}: write `fmu_export::fmu!(equations NAME);` with the model's type, or \
-                 `sampled` instead of `equations`, or neither for a `Model`",
+                 `sampled` or `stepper` instead of `equations`",
                 declaration.display()
             );
             return Err(Error::of_file(&library, reason));

@@ -12,7 +12,7 @@ use declaration::{Declaration, Variant};
 /// Implements `fmu_export::Persistent` for a struct or enum whose fields implement it; an enum's fields also need a
 /// `Default`, from which a variant is read.
 ///
-/// A field with `#[persistent(skip)]` is left out: it follows from the others, and `Model::restored` recomputes it. One
+/// A field with `#[persistent(skip)]` is left out: it follows from the others, and `Stepper::restored` recomputes it. One
 /// with `#[persistent(serde)]`, of another crate's type, is saved by its `serde::Serialize` and
 /// `serde::Deserialize` (feature `serde` of `fmu-export`).
 #[proc_macro_derive(Persistent, attributes(persistent))]

@@ -126,7 +126,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Messages from here on are of a time in s. Events, samples and ticks set it; in a [`Model`](crate::Model)'s own
+    /// Messages from here on are of a time in s. Events, samples and ticks set it; in a [`Stepper`](crate::Stepper)'s own
     /// step, it is the start, unless the model sets it.
     pub fn at(&mut self, time: f64) {
         self.log.at(time);

@@ -21,7 +21,7 @@ const MOST_GROUPS: usize = 61;
 /// (`reads`), and on the time only where it lists `time`. Importers use these dependencies to find algebraic loops; an
 /// undeclared one hides a loop. The built-in integrator takes equations that list no `time` for independent of it.
 ///
-/// Initializes the model with the resources of its package, and evaluates [`Model::differentiate`] around the values of
+/// Initializes the model with the resources of its package, and evaluates its directional derivatives around the values of
 /// `variables`: inputs and states shifted by up to their nominal values or magnitudes, at the start time and, for the
 /// dependence on it, at times of the default experiment. A dependency that is zero at all points goes unnoticed. If there are more than 61 inputs and states, several are moved at once.
 ///
@@ -33,10 +33,10 @@ pub fn check_dependencies<F: Fmu>(variables: &<F::Model as Model>::Variables) ->
 
 fn check<M: Model>(variables: &M::Variables) -> Result<(), Error> {
     let (mut model, mut variables) = (M::default(), variables.clone());
-    let (resources, inputs) = (Resources::of::<M::Variables>(), variables.inputs().clone());
+    let resources = Resources::of::<M::Variables>();
     let mut silence = |_: &'static str, _: fmt::Arguments<'_>| {};
     let mut context = Context::new(Experiment::default(), &mut silence).with_resources(&resources);
-    model.initialize(&mut variables, &inputs, &mut context)?;
+    model.initialize(&mut variables, &mut context)?;
     let reals = M::Variables::described().filter(|(_, variable)| {
         variable.data_type == DataType::Real
             && (variable.real_input().is_some() || variable.state().is_some())
@@ -62,9 +62,7 @@ fn check<M: Model>(variables: &M::Variables) -> Result<(), Error> {
         variables.states_from_start();
         let at = Dual::new(begin + fraction(point) * (end - begin), 1.0);
         // The equations need not be valid at all times with these values.
-        let by_time = panics::attempt(|| {
-            model.differentiate(at, &variables, variables.inputs(), &M::Variables::zero())
-        });
+        let by_time = panics::attempt(|| model.differentiate(at, &variables, &M::Variables::zero()));
         if let Some(by_time) = by_time.transpose()? {
             let mut undeclared = declared.iter().filter(|(unknown, declared)| {
                 let slope = by_time.real(**unknown);
@@ -83,7 +81,7 @@ fn check<M: Model>(variables: &M::Variables) -> Result<(), Error> {
                 direction.set_real(known, f64::from(number).sqrt());
             }
             let time = Dual::default();
-            let derivatives = model.differentiate(time, &variables, variables.inputs(), &direction)?;
+            let derivatives = model.differentiate(time, &variables, &direction)?;
             let mut undeclared = declared.iter().filter(|(unknown, declared)| {
                 derivatives.real(**unknown) != 0.0 && !group.iter().any(|known| declared.contains(known))
             });

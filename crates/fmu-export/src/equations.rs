@@ -25,17 +25,17 @@ use crate::variables::Variables;
 /// ```
 ///
 /// The struct's fields are what the model remembers between events, such as the active branch; `Clone` and
-/// [`Persistent`] must cover all of them, as in [`Model`](crate::Model).
+/// [`Persistent`] must cover all of them, as in [`Stepper`](crate::Stepper).
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` does not implement `Equations`: write `fmu!({Self})` or `fmu!(sampled {Self})` if it implements `Model` or \
-               `Sampled`",
+    message = "`{Self}` does not implement `Equations`: write `fmu!(sampled {Self})` or `fmu!(stepper {Self})` if it implements \
+               `Sampled` or `Stepper`",
     label = "exported as an `Equations`"
 )]
 pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;
 
-    /// The longest communication step in seconds, as in [`Model`](crate::Model).
+    /// The longest communication step in seconds, as in [`Stepper`](crate::Stepper).
     const LONGEST_STEP: f64 = f64::MAX;
 
     /// The settings of the built-in integrator.

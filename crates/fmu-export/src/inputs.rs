@@ -1,6 +1,7 @@
 //! The inputs during a communication step: values, with the derivatives set by `fmi2SetRealInputDerivatives` (FMI
 //! 2.0.5, section 4.2.1), limited to min and max.
 
+use core::marker::PhantomData;
 use core::mem;
 
 use fmu_abi::floating_point::in_default_environment;
@@ -34,26 +35,25 @@ pub trait Inputs: Clone + core::fmt::Debug + PartialEq + Persistent + Send + Syn
     }
 }
 
-/// The inputs as functions of the time since the step's start.
-#[allow(clippy::struct_excessive_bools, reason = "each is a fact of its own")]
+/// The inputs as functions of the time since the step's start: the values that the importer has set, with derivatives.
+///
+/// The variables of the model hold the inputs that it computes with, which this makes of them: limited to their bounds, and
+/// after a step with derivatives those at its end, until the next step begins or an input is set.
 #[derive(Clone, Debug)]
 pub struct InputSignal<I> {
-    /// The inputs at the step's start, within their bounds, as of [`InputSignal::update`].
-    bounded: I,
-    /// Whether `bounded` is up to date.
-    updated: bool,
     /// The Real inputs, by position.
     reals: Box<[RealSignal]>,
     /// The highest derivative order of any input; 0 when all inputs are constant.
     order: usize,
     /// Whether any input had a slope at the end of the last step.
     sloped: bool,
-    /// The inputs at the end of the last step, within their bounds.
-    end: I,
-    /// Whether `end` is current: the inputs had derivatives in the last step, and none has been set since.
+    /// How many values are out of bounds, as set.
+    outside: usize,
+    /// Whether the inputs are those at the end of a step with derivatives, and none has been set since.
     moved: bool,
     /// Whether an input has moved in the last step, or been set to another value since.
     changed: bool,
+    inputs: PhantomData<fn() -> I>,
 }
 
 /// One Real input.
@@ -65,15 +65,13 @@ struct RealSignal {
     slope: f64,
     /// The unbounded value at the end of the last step.
     reached: f64,
-    /// Whether the set value is out of bounds.
-    outside: bool,
     /// Whether a derivative was ignored.
     derivative_ignored: bool,
     /// The derivatives of order 1, 2, ….
     derivatives: [f64; MAX_ORDER],
 }
 
-crate::persistent!(RealSignal { set, slope, reached, outside, derivative_ignored, derivatives });
+crate::persistent!(RealSignal { set, slope, reached, derivative_ignored, derivatives });
 
 impl RealSignal {
     fn constant(value: f64) -> Self {
@@ -81,7 +79,6 @@ impl RealSignal {
             set: value,
             slope: 0.0,
             reached: 0.0,
-            outside: false,
             derivative_ignored: false,
             derivatives: [0.0; MAX_ORDER],
         }
@@ -102,31 +99,43 @@ impl RealSignal {
 
 impl<I: Inputs> InputSignal<I> {
     /// Constant inputs.
-    pub fn constant(inputs: I) -> Self {
+    pub fn constant(inputs: &I) -> Self {
         let mut signal = Self {
             reals: (0..I::REALS.len()).map(|position| RealSignal::constant(inputs.real(position))).collect(),
-            end: inputs.clone(),
-            moved: false,
-            bounded: inputs,
-            updated: false,
             order: 0,
             sloped: false,
+            outside: 0,
+            moved: false,
             changed: true,
+            inputs: PhantomData,
         };
-        signal.update(false);
+        signal.count_outside();
         signal
-    }
-
-    /// The inputs at the step's start.
-    #[must_use]
-    pub fn initial(&self) -> &I {
-        &self.bounded
     }
 
     /// Whether all inputs are constant during the step.
     #[must_use]
     pub fn is_constant(&self) -> bool {
         self.order == 0
+    }
+
+    /// Moves inputs to a time (s) after the step's start, by their Taylor polynomials and within their bounds.
+    pub fn move_to(&self, offset: f64, inputs: &mut I) {
+        if self.order > 0 {
+            inputs.set_reals(|position| {
+                let real = &self.reals[position];
+                Self::bound(position, real.set + real.rise(self.order, offset))
+            });
+        }
+    }
+
+    /// Sets a derivative of a Real input, of an order from 1 to [`MAX_ORDER`], in the input's unit per s^order.
+    ///
+    /// # Panics
+    /// When the position has no input or the order is out of range.
+    pub fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
+        self.reals[position].derivatives[order - 1] = value;
+        self.find_order();
     }
 
     /// Whether all inputs keep the values that they had at the end of the last step.
@@ -141,63 +150,42 @@ impl<I: Inputs> InputSignal<I> {
         Self { changed: false, ..self }
     }
 
-    /// The inputs at a time (s) after the step's start, by their Taylor polynomials.
-    #[must_use]
-    pub fn at(&self, offset: f64) -> I {
-        let mut inputs = self.bounded.clone();
-        self.move_to(offset, &mut inputs);
-        inputs
+    /// Whether the variables hold other inputs than those that the importer has set.
+    #[inline]
+    pub(crate) fn differs(&self) -> bool {
+        self.moved || self.outside > 0
     }
 
-    /// Overwrites inputs with those at a time (s) after the step's start.
-    pub(crate) fn set_at(&self, offset: f64, inputs: &mut I) {
-        inputs.clone_from(&self.bounded);
-        self.move_to(offset, inputs);
+    /// The value of a Real input as the importer has set it, within its bounds or not.
+    pub(crate) fn set(&self, position: usize) -> f64 {
+        self.reals[position].set
     }
 
-    /// Overwrites inputs with the values that the importer has set, within their bounds or not.
-    pub(crate) fn copy_set(&self, inputs: &mut I) {
-        inputs.clone_from(&self.bounded);
-        inputs.set_reals(|position| self.reals[position].set);
+    /// The nearest value within the bounds of the Real input at a position.
+    #[inline]
+    pub(crate) fn bound(position: usize, value: f64) -> f64 {
+        let input = &I::REALS[position];
+        value.clamp(input.min, input.max)
     }
 
-    fn move_to(&self, offset: f64, inputs: &mut I) {
-        if self.order > 0 {
-            inputs.set_reals(|position| {
-                let real = &self.reals[position];
-                bound::<I>(position, real.set + real.rise(self.order, offset))
-            });
-        }
-    }
-
-    /// The input slopes at a time (s) after the step's start; 0 where a bound limits an input.
-    pub(crate) fn slopes_at(&self, offset: f64) -> I {
-        let mut slopes = self.bounded.clone();
-        slopes.set_reals(|position| {
-            let real = &self.reals[position];
-            let is_free = is_within::<I>(position, real.set + real.rise(self.order, offset));
-            if is_free { real.slope_at(self.order, offset) } else { 0.0 }
-        });
-        slopes
-    }
-
-    /// Sets a Real input and clears its derivatives. Returns whether it has just left its bounds.
-    pub(crate) fn set_value(&mut self, position: usize, value: f64) -> bool {
+    /// Takes a value of a Real input, whose derivatives it clears. Returns whether it has just left its bounds.
+    #[inline]
+    pub(crate) fn take(&mut self, position: usize, value: f64) -> bool {
         let real = &mut self.reals[position];
-        let outside = !is_within::<I>(position, value);
-        let has_left = outside && !real.outside;
-        real.outside = outside;
+        self.changed |= real.set.to_bits() != value.to_bits();
+        let [was_within, is_within] = [real.set, value].map(|value| is_within::<I>(position, value));
         real.set = value;
         real.slope = 0.0;
-        self.updated = false;
-        self.moved = false;
+        if was_within != is_within {
+            self.outside = if is_within { self.outside - 1 } else { self.outside + 1 };
+        }
         if self.order > 0 {
             self.forget_derivatives(position);
         }
-        has_left
+        was_within && !is_within
     }
 
-    /// Separate from [`InputSignal::set_value`], which stays fast without derivatives.
+    /// Separate from [`InputSignal::take`], which stays fast without derivatives.
     #[cold]
     fn forget_derivatives(&mut self, position: usize) {
         self.reals[position].derivatives = [0.0; MAX_ORDER];
@@ -205,40 +193,33 @@ impl<I: Inputs> InputSignal<I> {
         in_default_environment(|| self.find_order());
     }
 
-    /// Sets the inputs that are not Real, one of which has changed.
-    pub(crate) fn set_others(&mut self, inputs: &I) {
+    /// An input that is not Real has changed.
+    pub(crate) fn note_change(&mut self) {
         self.changed = true;
-        self.bounded.clone_from(inputs);
-        self.updated = false;
-        self.moved = false;
     }
 
-    /// Updates the inputs at the step's start, once for all values set by the importer; `watches` for changes.
+    /// Moves inputs from the end of a step with derivatives back to the values that the importer has set.
     #[inline]
-    pub(crate) fn update(&mut self, watches: bool) {
-        if !self.updated {
-            self.take_set(watches);
+    pub(crate) fn go_back(&mut self, inputs: &mut I) {
+        if self.moved {
+            self.moved = false;
+            self.restart(inputs);
         }
     }
 
-    /// Apart from [`Self::update`], so that steps without new values inline the test alone.
-    fn take_set(&mut self, watches: bool) {
-        let value = |position: usize| bound::<I>(position, self.reals[position].set);
-        if watches {
-            let is_kept = |position| self.bounded.real(position).to_bits() == f64::to_bits(value(position));
-            self.changed |= !(0..I::REALS.len()).all(is_kept);
-        }
-        self.bounded.set_reals(value);
-        self.updated = true;
+    /// Sets inputs to those at the step's start.
+    #[cold]
+    pub(crate) fn restart(&self, inputs: &mut I) {
+        inputs.set_reals(|position| Self::bound(position, self.reals[position].set));
     }
 
-    /// Sets a derivative of a Real input, of an order from 1 to [`MAX_ORDER`], in the input's unit per s^order.
-    ///
-    /// # Panics
-    /// When the position has no input or the order is out of range.
-    pub fn set_derivative(&mut self, position: usize, order: usize, value: f64) {
-        self.reals[position].derivatives[order - 1] = value;
-        self.find_order();
+    /// The input slopes at a time (s) after the step's start; 0 where a bound limits an input.
+    pub(crate) fn slopes_at(&self, offset: f64, slopes: &mut I) {
+        slopes.set_reals(|position| {
+            let real = &self.reals[position];
+            let is_free = is_within::<I>(position, real.set + real.rise(self.order, offset));
+            if is_free { real.slope_at(self.order, offset) } else { 0.0 }
+        });
     }
 
     /// Records that a derivative of a Real input is ignored. Returns whether it is the first.
@@ -246,17 +227,18 @@ impl<I: Inputs> InputSignal<I> {
         !mem::replace(&mut self.reals[position].derivative_ignored, true)
     }
 
-    /// Ends a step of a size (s): clears the derivatives.
-    pub(crate) fn end_step(&mut self, size: f64) {
+    /// Ends a step of a size (s): moves the inputs to its end, and clears the derivatives.
+    pub(crate) fn end_step(&mut self, size: f64, inputs: &mut I) {
         self.moved = self.order > 0;
         self.changed = self.moved;
         if self.moved || self.sloped {
-            self.note_end(size);
+            self.note_end(size, inputs);
         }
     }
 
     /// Stores the inputs and their slopes at the end of a step of a size (s).
-    fn note_end(&mut self, size: f64) {
+    fn note_end(&mut self, size: f64, inputs: &mut I) {
+        self.move_to(size, inputs);
         for real in &mut self.reals {
             // A slope that has been cleared since does not count: a restored state does not have it.
             if self.moved {
@@ -266,13 +248,7 @@ impl<I: Inputs> InputSignal<I> {
             real.derivatives = [0.0; MAX_ORDER];
         }
         self.order = 0;
-        self.find_end();
         self.find_sloped();
-    }
-
-    /// The current inputs: those at the end of the last step, or the values set since.
-    pub(crate) fn latest(&self) -> &I {
-        if self.moved { &self.end } else { &self.bounded }
     }
 
     /// The slope of a Real input: from the derivatives for the next step, otherwise at the end of the last step. 0 at
@@ -290,11 +266,6 @@ impl<I: Inputs> InputSignal<I> {
         is_within::<I>(position, if self.moved { real.reached } else { real.set })
     }
 
-    fn find_end(&mut self) {
-        self.end.clone_from(&self.bounded);
-        self.end.set_reals(|position| bound::<I>(position, self.reals[position].reached));
-    }
-
     fn find_order(&mut self) {
         self.order = (0..MAX_ORDER)
             .rev()
@@ -305,20 +276,23 @@ impl<I: Inputs> InputSignal<I> {
     fn find_sloped(&mut self) {
         self.sloped = self.reals.iter().any(|real| real.slope != 0.0);
     }
+
+    fn count_outside(&mut self) {
+        let reals = self.reals.iter().enumerate();
+        self.outside = reals.filter(|(position, real)| !is_within::<I>(*position, real.set)).count();
+    }
 }
 
 /// Reading recomputes derived fields.
 impl<I: Inputs> Persistent for InputSignal<I> {
     fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        self.update(true);
-        let Self { bounded, updated: _, reals, moved, changed, end: _, order: _, sloped: _ } = self;
-        bounded.persist(archive)?;
+        let Self { reals, moved, changed, order: _, sloped: _, outside: _, inputs: _ } = self;
         reals.persist(archive)?;
         moved.persist(archive)?;
         changed.persist(archive)?;
-        self.find_end();
         self.find_order();
         self.find_sloped();
+        self.count_outside();
         Ok(())
     }
 }
@@ -327,12 +301,6 @@ impl<I: Inputs> Persistent for InputSignal<I> {
 fn is_within<I: Inputs>(position: usize, value: f64) -> bool {
     let input = &I::REALS[position];
     (input.min..=input.max).contains(&value)
-}
-
-/// The nearest value within the bounds of the Real input at a position.
-fn bound<I: Inputs>(position: usize, value: f64) -> f64 {
-    let input = &I::REALS[position];
-    value.clamp(input.min, input.max)
 }
 
 #[cfg(test)]
@@ -359,35 +327,43 @@ mod tests {
     }
 
     /// Both inputs ramp over a step of 1 s: the first out of its range, the second into it.
-    fn ramped() -> InputSignal<Two> {
-        let mut signal = InputSignal::constant(Two { values: [0.5, 1.5] });
+    fn ramped() -> (InputSignal<Two>, Two) {
+        let mut inputs = Two { values: [0.5, 1.5] };
+        let mut signal = InputSignal::constant(&inputs);
+        signal.restart(&mut inputs);
+        assert_eq!(inputs.values.map(f64::to_bits), [0.5, 1.0].map(f64::to_bits));
         signal.set_derivative(0, 1, 2.0);
         signal.set_derivative(1, 1, -1.25);
-        signal.end_step(1.0);
-        signal
+        signal.end_step(1.0, &mut inputs);
+        (signal, inputs)
     }
 
     #[test]
     fn the_end_of_a_ramp_is_the_current_value() {
-        let mut signal = ramped();
-        assert_eq!(*signal.latest(), Two { values: [1.0, 0.25] });
+        let (mut signal, mut inputs) = ramped();
+        assert_eq!(inputs, Two { values: [1.0, 0.25] });
         assert!(!signal.is_free(0) && signal.slope(0) == 0.0, "limited by its bound now");
         assert!(signal.is_free(1) && (signal.slope(1) + 1.25).abs() < f64::EPSILON, "no longer limited");
+        assert!(signal.differs());
         // Setting any value restores the set values.
-        assert!(signal.set_value(1, 1.5));
-        signal.update(true);
-        assert_eq!(*signal.latest(), Two { values: [0.5, 1.0] });
-        assert!(signal.is_free(0) && !signal.is_free(1));
+        signal.go_back(&mut inputs);
+        assert!(!signal.take(1, 1.75), "it was out of its range, as set");
+        assert_eq!(inputs, Two { values: [0.5, 1.0] });
+        assert!(signal.is_free(0) && !signal.is_free(1) && signal.differs());
+        assert!(!signal.take(1, 0.75) && !signal.differs());
+        assert!(signal.take(1, 1.5) && signal.differs());
     }
 
     #[test]
     fn an_archive_keeps_the_end_of_a_ramp() {
         let mut archive = Archive::writing();
-        ramped().persist(&mut archive).unwrap();
+        ramped().0.persist(&mut archive).unwrap();
         let bytes = archive.into_bytes();
-        let mut restored = InputSignal::constant(Two { values: [0.0, 0.0] });
+        let mut restored = InputSignal::constant(&Two { values: [0.0, 0.0] });
         restored.persist(&mut Archive::reading(&bytes)).unwrap();
-        assert_eq!(*restored.latest(), Two { values: [1.0, 0.25] });
-        assert!(!restored.is_free(0) && restored.is_free(1));
+        assert!(!restored.is_free(0) && restored.is_free(1) && restored.differs());
+        let mut inputs = Two { values: [1.0, 0.25] };
+        restored.go_back(&mut inputs);
+        assert_eq!(inputs, Two { values: [0.5, 1.0] });
     }
 }

@@ -329,7 +329,6 @@ impl<M: Model> Instance<M> {
 
     fn compute_stale_values(&mut self) -> Answer {
         let memory = &mut self.memory;
-        memory.inputs.update(M::LOOKS_AHEAD);
         let mut status = Status::Ok;
         match memory.phase {
             Phase::InitializationMode => {
@@ -341,7 +340,7 @@ impl<M: Model> Instance<M> {
                     }
                 });
                 let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
-                memory.model.initialize(&mut memory.variables, memory.inputs.initial(), &mut context)?;
+                memory.model.initialize(&mut memory.variables, &mut context)?;
                 memory.end = context.end()?;
                 check_finite(&memory.variables, memory.time)?;
             }
@@ -355,7 +354,7 @@ impl<M: Model> Instance<M> {
                 if memory.parameters_changed {
                     memory.take_parameters();
                 }
-                memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
+                memory.model.refresh(memory.time, &mut memory.variables);
                 if !M::Variables::CLOCKS.is_empty()
                     && matches!(memory.phase, Phase::EventMode | Phase::StepEventMode)
                 {

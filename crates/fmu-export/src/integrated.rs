@@ -163,18 +163,17 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
     fn initialize(
         &mut self,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let mut marked = variables.clone();
         marked.mark_calculated(true);
         let has_discrete = first_discrete_difference(variables, &marked).is_some();
-        with_inputs(variables, inputs, |variables| self.start(variables, context))?;
+        self.start(variables, context)?;
         if has_discrete {
             // Once more, from other values: what nothing sets differs.
             let mut silence = |_: &'static str, _: fmt::Arguments<'_>| {};
             let mut context = context.with_log(&mut silence);
-            with_inputs(&mut marked, inputs, |marked| Self::default().start(marked, &mut context))?;
+            Self::default().start(&mut marked, &mut context)?;
             if let Some(variable) = first_discrete_difference(variables, &marked) {
                 return Err(Error::new(format!(
                     "nothing sets {} at the start: do so in `prepare`, `evaluate` or the initial event, or give it a \
@@ -192,15 +191,12 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        with_inputs(variables, step.inputs.initial(), |variables| {
-            self.advance::<false>(variables, step, Stops::NONE, context)
-        })
-        .map(|_| ())
+        self.advance::<false>(variables, step, Stops::NONE, context).map(|_| ())
     }
 
-    fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
+    fn refresh(&mut self, time: f64, variables: &mut Self::Variables) {
         self.evaluated = None;
-        with_inputs(variables, inputs, |variables| evaluate_values(&self.equations, time, variables));
+        evaluate_values(&self.equations, time, variables);
     }
 
     fn calculate_parameters(
@@ -225,23 +221,21 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         &self,
         time: Dual,
         variables: &Self::Variables,
-        inputs: &InputsOf<Self>,
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
-        Ok(self.derivatives(time, variables, inputs, direction, |_| {}))
+        Ok(self.derivatives(time, variables, direction, |_| {}))
     }
 
     fn differentiate_initialization(
         &self,
         start_time: Dual,
         variables: &Self::Variables,
-        inputs: &InputsOf<Self>,
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
         self.equations.check_start()?;
         let mut started = variables.clone();
         started.states_from_start();
-        Ok(self.derivatives(start_time, &started, inputs, direction, |variables| {
+        Ok(self.derivatives(start_time, &started, direction, |variables| {
             self.equations.initialize::<Dual>(variables);
         }))
     }
@@ -250,7 +244,6 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         &self,
         time: f64,
         variables: &Self::Variables,
-        inputs: &InputsOf<Self>,
         weights: &Self::Variables,
         by_parameters: bool,
         tape: &mut Tape,
@@ -266,14 +259,13 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         }
         known.inputs_mut().set_reals(|_| 1.0);
         E::Variables::set_states(&mut known, |_| 1.0);
-        Ok(self.derivatives_backwards(time, variables, inputs, &known, weights, tape, |_| {}))
+        Ok(self.derivatives_backwards(time, variables, &known, weights, tape, |_| {}))
     }
 
     fn differentiate_initialization_backwards(
         &self,
         start_time: f64,
         variables: &Self::Variables,
-        inputs: &InputsOf<Self>,
         weights: &Self::Variables,
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
@@ -282,7 +274,7 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         started.states_from_start();
         let known = started.combined(&started, |_, _| 1.0);
         let mut derivatives =
-            self.derivatives_backwards(start_time, &started, inputs, &known, weights, tape, |variables| {
+            self.derivatives_backwards(start_time, &started, &known, weights, tape, |variables| {
                 self.equations.initialize::<Recorded<'_>>(variables);
             });
         // A start value acts directly and through its state.
@@ -294,34 +286,23 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         Ok(derivatives)
     }
 
-    fn event_indicators(
-        &self,
-        time: f64,
-        variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
-        indicators: &mut [f64],
-    ) {
-        with_inputs(variables, inputs, |variables| {
-            self.equations.event_indicators(time, variables, indicators);
-        });
+    fn event_indicators(&self, time: f64, variables: &Self::Variables, indicators: &mut [f64]) {
+        self.equations.event_indicators(time, variables, indicators);
     }
 
-    fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
-        with_inputs(variables, inputs, |variables| self.equations.next_event(time, variables))
+    fn next_event(&self, time: f64, variables: &Self::Variables) -> Option<f64> {
+        self.equations.next_event(time, variables)
     }
 
     fn event(
         &mut self,
         event: &Event<'_>,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         self.evaluated = None;
-        with_inputs(variables, inputs, |variables| {
-            self.equations.event(event, variables, context)?;
-            self.evaluate_after_event(event.time, variables)
-        })
+        self.equations.event(event, variables, context)?;
+        self.evaluate_after_event(event.time, variables)
     }
 
     fn step_to_event(
@@ -335,9 +316,7 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         if let Some(events) = &mut events {
             mem::swap(&mut self.events, events);
         }
-        let result = with_inputs(variables, step.inputs.initial(), |variables| {
-            self.advance::<true>(variables, step, stops, context)
-        });
+        let result = self.advance::<true>(variables, step, stops, context);
         if let Some(events) = events {
             mem::swap(&mut self.events, events);
         }
@@ -357,7 +336,7 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
         let step = Step::new(*start, *elapsed, inputs);
         Equated::new(equations, variables, &step, &mut { Place::NONE })
             .evaluate(*elapsed, *time, |state| states[state]);
-        inputs.copy_set(variables.inputs_mut());
+        inputs.restart(variables.inputs_mut());
     }
 }
 
@@ -387,20 +366,4 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         })?;
         self.happen(variables, true, None, context)
     }
-}
-
-/// Computes with inputs clamped to their bounds.
-fn with_inputs<V: Variables, R>(
-    variables: &mut V,
-    inputs: &V::Inputs,
-    compute: impl FnOnce(&mut V) -> R,
-) -> R {
-    // As set, they are within their bounds: nothing to keep, so that large arrays are not copied to new memory.
-    let set = (variables.inputs() != inputs).then(|| mem::replace(variables.inputs_mut(), inputs.clone()));
-    let result = compute(variables);
-    match set {
-        Some(set) => *variables.inputs_mut() = set,
-        None => variables.inputs_mut().clone_from(inputs),
-    }
-    result
 }

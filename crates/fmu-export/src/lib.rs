@@ -8,10 +8,11 @@
 //   fmi2, fmi3                            the functions of an FMI version
 //   c_boundary                            what the functions of all versions share
 //   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
-//   integrated, sampled                   models of equations (integrated) and sampled ones as models
+//   integrated, sampled                   models of equations (integrated) and sampled ones
 //   equations                             the trait of models of equations
 //   audit, typed                          what a model's equations set, typed numbers
-//   model                                 the trait of models
+//   stepper                               models that step themselves
+//   model                                 what the runtime sees of a model
 //   context                               what a model receives besides variables and inputs
 //   serialized_state, variables
 //   clock, inputs, logger, resources, saved_states
@@ -45,6 +46,7 @@ mod sampled;
 mod saved_states;
 mod serialized_state;
 mod simulation;
+mod stepper;
 #[doc(hidden)]
 pub mod typed;
 mod variables;
@@ -71,34 +73,33 @@ pub use fmu_solve::{EventsLeft, Stop, Stops, time};
 pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
 #[doc(hidden)]
 pub use integrated::{Integrate, Integrated};
+pub use model::{Fmu, InputsOf, Step};
 #[doc(hidden)]
-pub use model::Serves;
-pub use model::{Fmu, InputsOf, Model, Step};
+pub use model::{Model, Serves};
 #[doc(hidden)]
 pub use sampled::SampledModel;
 pub use sampled::{Sample, Sampled};
 pub use simulation::Simulation;
+#[doc(hidden)]
+pub use stepper::Stepped;
+pub use stepper::Stepper;
 pub use variables::Variables;
 
 /// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, with its items in scope, and the FMI functions for a
-/// type that implements [`Model`], or after `equations`, [`Equations`], or after `sampled`, [`Sampled`]. `struct` before
-/// the type's name declares it, for a model without other memory.
+/// type that implements [`Equations`], [`Sampled`] or [`Stepper`]. `struct` before the type's name declares it, for a model
+/// without other memory.
 ///
 /// ```ignore
-/// fmu_export::fmu!(struct Lag);
+/// fmu_export::fmu!(equations struct Lag);
 ///
-/// impl fmu_export::Model for Lag {
+/// impl fmu_export::Equations for Lag {
 ///     type Variables = Variables;
 ///     // ...
 /// }
 /// ```
 #[macro_export]
 macro_rules! fmu {
-    (struct $model:ident) => {
-        $crate::fmu!(@struct $model);
-        $crate::fmu!($model);
-    };
     (equations struct $model:ident) => {
         $crate::fmu!(@struct $model);
         $crate::fmu!(equations $model);
@@ -117,8 +118,12 @@ macro_rules! fmu {
     (sampled $model:ident) => {
         $crate::fmu!(@exported $model, $crate::SampledModel<$model>);
     };
-    ($model:ident) => {
-        $crate::fmu!(@exported $model, $model);
+    (stepper struct $model:ident) => {
+        $crate::fmu!(@struct $model);
+        $crate::fmu!(stepper $model);
+    };
+    (stepper $model:ident) => {
+        $crate::fmu!(@exported $model, $crate::Stepped<$model>);
     };
     (@struct $model:ident) => {
         /// The model.
@@ -150,7 +155,7 @@ macro_rules! fmu {
     ($($other:tt)*) => {
         ::core::compile_error!(::core::concat!(
             "`fmu!(", ::core::stringify!($($other)*), ")` is none of `fmu!(equations NAME)`, `fmu!(sampled NAME)` and \
-             `fmu!(NAME)` for a `Model`; `struct NAME` instead of `NAME` also declares the type"
+             `fmu!(stepper NAME)`; `struct NAME` instead of `NAME` also declares the type"
         ));
     };
 }

@@ -1,4 +1,5 @@
-//! The interface between a model and FMI: the trait that a model implements, and the arguments that it receives.
+//! What the runtime sees of a model: the trait that the kinds of models implement, each in a file of its own
+//! (`equations`, `sampled`, `stepper`), and the arguments that they receive.
 //!
 //! A model knows its typed variables (generated from its JSON) and time; it knows nothing of value references, C or
 //! the order of importers' calls.
@@ -12,58 +13,61 @@ use crate::description::ModelDescription;
 use crate::inputs::InputSignal;
 use crate::variables::Variables;
 
-/// A model that steps itself: for co-simulation.
+/// A model of any kind.
 ///
-/// It is also the runtime's view of the other kinds of models, [`Equations`](crate::Equations) and
-/// [`Sampled`](crate::Sampled); the items that only these need are hidden.
-///
-/// `Clone` saves and restores the model, and [`Persistent`] carries it into other processes, so both must cover its
-/// whole memory. A struct can derive both.
-#[diagnostic::on_unimplemented(
-    message = "`{Self}` does not implement `Model`: write `fmu!(equations {Self})` or `fmu!(sampled {Self})` if it implements \
-               `Equations` or `Sampled`",
-    label = "exported as a `Model`"
-)]
+/// The inputs in its variables are those that it computes with: within their bounds, and at the time of the call.
 pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;
 
-    /// The longest communication step in seconds. Longer ones are rejected; otherwise a mistyped step would block its
-    /// importer forever.
-    const LONGEST_STEP: f64 = f64::MAX;
+    /// What the runtime can do with the model beside co-simulation.
+    const SERVES: Serves = Serves::CO_SIMULATION;
+
+    /// The longest communication step in seconds.
+    const LONGEST_STEP: f64;
+
+    /// Whether a step may compute what lies beyond its end, if no input changes.
+    const LOOKS_AHEAD: bool = false;
+
+    /// Whether [`Model::calculate_parameters`] and [`Model::take_parameters`] do anything: if not,
+    /// [`Simulation`](crate::Simulation) need not look for changes.
+    const TAKES_PARAMETERS: bool = true;
 
     /// Rejects contradictory parameters. Called at the end of initialization, and before the step after a change of a
     /// tunable parameter.
     ///
     /// # Errors
     /// A message with the parameters and their values.
-    fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
-        let _ = variables;
-        Ok(())
-    }
+    fn check_parameters(variables: &Self::Variables) -> Result<(), Error>;
 
     /// Computes the values at the start time (states, derivatives, locals, outputs) from parameters, inputs and start
-    /// values. In initialization mode it is called again for each request after a set, so it must not depend on
-    /// earlier calls; importers set parameters one by one, so they may be temporarily contradictory.
-    ///
-    /// By default, states take their start values, and [`Model::calculate_parameters`] and [`Model::refresh`] compute the
-    /// rest.
+    /// values. In initialization mode it is called again for each request after a set.
     ///
     /// # Errors
     /// When no such values exist.
-    fn initialize(
-        &mut self,
-        variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        calculate_parameters(self, variables);
-        variables.states_from_start();
-        self.refresh(context.experiment.start_time, variables, inputs);
-        Ok(())
+    fn initialize(&mut self, variables: &mut Self::Variables, context: &mut Context<'_>)
+    -> Result<(), Error>;
+
+    /// Calculates the *variables* that depend on parameters only, after tunable parameters changed, before anything is
+    /// computed.
+    fn calculate_parameters(
+        &self,
+        parameters: &<Self::Variables as Variables>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+    );
+
+    /// Receives the parameters after [`Model::calculate_parameters`].
+    fn take_parameters(&mut self, variables: &Self::Variables) {
+        let _ = variables;
     }
 
-    /// Advances the model by one communication step and leaves the values at its end in `variables`.
+    /// Recomputes, after reading a serialized state, what the state omits because it follows from the rest.
+    fn restored(&mut self, variables: &Self::Variables) {
+        self.take_parameters(variables);
+    }
+
+    /// Advances the model by one communication step and leaves the values at its end in `variables`, whose inputs may be
+    /// those of any time in the step.
     ///
     /// # Errors
     /// When the step cannot be completed; the instance then rejects further steps until it is reset.
@@ -75,28 +79,24 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     ) -> Result<(), Error>;
 
     /// Recomputes, at a time (s) between steps, what depends directly on changed inputs or tunable parameters; in
-    /// Model Exchange, on time and states too. A sampled model, whose outputs change only at its samples, does
-    /// nothing.
-    fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
-        let _ = (time, variables, inputs);
-    }
+    /// Model Exchange, on time and states too.
+    fn refresh(&mut self, time: f64, variables: &mut Self::Variables);
 
     /// How the calculated variables change, at a time (s) between steps, when time, inputs, states and parameters
     /// change along a direction: the directional derivative of derivatives, locals and outputs.
     ///
     /// `direction` holds inputs and parameters in their places, and states in `start`; the result holds derivatives in
-    /// the variables' places. Inputs held at a bound do not change, nor do parameters in FMI 2.0.
+    /// the variables' places.
     ///
     /// # Errors
-    /// When there is no such derivative, or the model does not provide it (`directional_derivatives` in its JSON).
+    /// When there is no such derivative, or the model does not provide it.
     fn differentiate(
         &self,
         time: Dual,
         variables: &Self::Variables,
-        inputs: &InputsOf<Self>,
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
-        let _ = (time, variables, inputs, direction);
+        let _ = (time, variables, direction);
         Err(Error::new("this model provides no derivatives"))
     }
 
@@ -109,31 +109,29 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         &self,
         start_time: Dual,
         variables: &Self::Variables,
-        inputs: &InputsOf<Self>,
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
-        let _ = (start_time, variables, inputs, direction);
+        let _ = (start_time, variables, direction);
         Err(Error::new("this model provides no derivatives of its initialization"))
     }
 
     /// How a weighted sum of calculated variables changes, at a time (s) between steps, with each input and state: the
-    /// adjoint derivative, in FMI 3.0 only. [`Tape`] computes it.
+    /// adjoint derivative.
     ///
     /// `weights` holds weights in the variables' places; the result holds derivatives in the places of inputs and
-    /// `states`, and with `by_parameters` also of parameters. Its value for an input held at a bound is ignored.
+    /// `states`, and with `by_parameters` also of parameters.
     ///
     /// # Errors
-    /// As [`Model::differentiate`] (`adjoint_derivatives` in its JSON).
+    /// As [`Model::differentiate`].
     fn differentiate_backwards(
         &self,
         time: f64,
         variables: &Self::Variables,
-        inputs: &InputsOf<Self>,
         weights: &Self::Variables,
         by_parameters: bool,
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
-        let _ = (time, variables, inputs, weights, by_parameters, tape);
+        let _ = (time, variables, weights, by_parameters, tape);
         Err(Error::new("this model provides no adjoint derivatives"))
     }
 
@@ -146,68 +144,23 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         &self,
         start_time: f64,
         variables: &Self::Variables,
-        inputs: &InputsOf<Self>,
         weights: &Self::Variables,
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
-        let _ = (start_time, variables, inputs, weights, tape);
+        let _ = (start_time, variables, weights, tape);
         Err(Error::new("this model provides no adjoint derivatives of its initialization"))
     }
 
-    /// Whether a step may compute what lies beyond its end, if no input changes.
-    #[doc(hidden)]
-    const LOOKS_AHEAD: bool = false;
-
-    /// Whether [`Model::calculate_parameters`] and [`Model::take_parameters`] do anything: if not,
-    /// [`Simulation`](crate::Simulation) need not look for changes.
-    const TAKES_PARAMETERS: bool = true;
-
-    /// Calculates the *variables* that depend on parameters only (calculated parameters, and locals whose variability
-    /// is `fixed` or `tunable`) after tunable parameters changed, before anything is computed. [`Model::initialize`]
-    /// calculates them itself.
-    fn calculate_parameters(
-        &self,
-        parameters: &<Self::Variables as Variables>::Parameters<f64>,
-        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
-    ) {
-        let _ = (parameters, calculated);
-    }
-
-    /// Receives the parameters after [`Model::calculate_parameters`], so that the model can store derived values in
-    /// *fields*. Parameters may contradict each other until [`Model::check_parameters`].
-    fn take_parameters(&mut self, variables: &Self::Variables) {
-        let _ = variables;
-    }
-
-    /// Recomputes, after reading a serialized state, what the state omits because it follows from the rest; by default,
-    /// what follows from the parameters.
-    fn restored(&mut self, variables: &Self::Variables) {
-        self.take_parameters(variables);
-    }
-
-    /// What the runtime can do with the model beside co-simulation.
-    #[doc(hidden)]
-    const SERVES: Serves = Serves::CO_SIMULATION;
-
     /// Computes the event indicators, one per name in the model's JSON, after [`Model::refresh`] has computed the variables.
-    /// An event occurs where an indicator becomes positive, or ceases to be; indicators should be of order one. Changes to
-    /// `variables` are lost at the next [`Model::refresh`].
-    #[doc(hidden)]
-    fn event_indicators(
-        &self,
-        time: f64,
-        variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
-        indicators: &mut [f64],
-    ) {
-        let _ = (time, variables, inputs, indicators);
+    /// An event occurs where an indicator becomes positive, or ceases to be; indicators should be of order one.
+    fn event_indicators(&self, time: f64, variables: &Self::Variables, indicators: &mut [f64]) {
+        let _ = (time, variables, indicators);
     }
 
     /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event, and
     /// between events after changes.
-    #[doc(hidden)]
-    fn next_event(&self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) -> Option<f64> {
-        let _ = (time, variables, inputs);
+    fn next_event(&self, time: f64, variables: &Self::Variables) -> Option<f64> {
+        let _ = (time, variables);
         None
     }
 
@@ -216,15 +169,13 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     ///
     /// # Errors
     /// When the model cannot continue.
-    #[doc(hidden)]
     fn event(
         &mut self,
         event: &Event<'_>,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let _ = (event, variables, inputs, context);
+        let _ = (event, variables, context);
         Ok(())
     }
 
@@ -232,15 +183,13 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     ///
     /// # Errors
     /// When the model cannot continue.
-    #[doc(hidden)]
     fn tick(
         &mut self,
         time: f64,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let _ = (time, variables, inputs, context);
+        let _ = (time, variables, context);
         Err(Error::new("this model computes nothing when clocks tick"))
     }
 
@@ -249,7 +198,6 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     ///
     /// # Errors
     /// As [`Model::step`].
-    #[doc(hidden)]
     fn step_to_event(
         &mut self,
         variables: &mut Self::Variables,
@@ -263,23 +211,21 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     }
 
     /// After a panic in a step: goes back to a time that it has reached.
-    #[doc(hidden)]
     fn leave_step(&mut self, variables: &mut Self::Variables, inputs: &InputSignal<InputsOf<Self>>) {
         let _ = (variables, inputs);
     }
 
     /// Begins the next step after an event.
-    #[doc(hidden)]
     fn enter_step_mode(&mut self) {}
 }
 
 /// What [`fmu!`](crate::fmu) exports, and [`Simulation`](crate::Simulation) runs: a model of any kind.
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` is no FMU: write `fmu!({Self})`, `fmu!(equations {Self})` or `fmu!(sampled {Self})` if it implements `Model`, \
-               `Equations` or `Sampled`"
+    message = "`{Self}` is no FMU: write `fmu!(equations {Self})`, `fmu!(sampled {Self})` or `fmu!(stepper {Self})` if it implements \
+               `Equations`, `Sampled` or `Stepper`"
 )]
 pub trait Fmu {
-    /// What the runtime makes of the model: itself if it is a [`Model`].
+    /// What the runtime makes of it.
     type Model: Model;
     /// Fails to compile if the model's interfaces are impossible.
     #[doc(hidden)]
@@ -338,7 +284,8 @@ pub(crate) fn calculate_parameters<M: Model>(model: &M, variables: &mut M::Varia
 /// The inputs of a model.
 pub type InputsOf<M> = <<M as Model>::Variables as Variables>::Inputs;
 
-/// One communication step from [`Step::start`] to [`Step::end`].
+/// One communication step from [`Step::start`] to [`Step::end`]. The inputs in the model's variables are those at its
+/// start; [`InputSignal::move_to`] moves them to another time in it.
 #[derive(Debug)]
 pub struct Step<'a, I> {
     /// Start time in seconds.

@@ -23,17 +23,17 @@ const MOST_SAMPLES: f64 = 1e7;
 /// A model that computes at its samples; nothing changes in between. It has one [`period`](Sampled::period), or its JSON
 /// declares named clocks, variables of type `Clock` in the field `clocks`, each tick of which is a sample.
 ///
-/// `Clone` and [`Persistent`] must cover its whole memory, as in [`Model`].
+/// `Clone` and [`Persistent`] must cover its whole memory, as in [`Stepper`](crate::Stepper).
 #[diagnostic::on_unimplemented(
-    message = "`{Self}` does not implement `Sampled`: write `fmu!({Self})` or `fmu!(equations {Self})` if it implements `Model` or \
-               `Equations`",
+    message = "`{Self}` does not implement `Sampled`: write `fmu!(equations {Self})` or `fmu!(stepper {Self})` if it implements \
+               `Equations` or `Stepper`",
     label = "exported as a `Sampled`"
 )]
 pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
     type Variables: Variables<Of<f64> = Self::Variables>;
 
-    /// The longest communication step in s, as in [`Model::LONGEST_STEP`].
+    /// The longest communication step in s, as in [`Stepper::LONGEST_STEP`](crate::Stepper::LONGEST_STEP).
     const LONGEST_STEP: f64 = f64::MAX;
 
     /// The sample period in s, finite and above 0. If it depends on a tunable parameter and changes, the next sample is a
@@ -70,32 +70,27 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     }
 
     /// Computes the outputs before the first sample, which is at the start time if there is a period, and sets clock
-    /// intervals that depend on parameters. Called on a new model, possibly several times, like [`Model::initialize`].
+    /// intervals that depend on parameters. Called on a new model, possibly several times, like
+    /// [`Stepper::initialize`](crate::Stepper::initialize).
     ///
     /// # Errors
     /// When no such outputs exist.
     fn initialize(
         &mut self,
         variables: &mut Self::Variables,
-        inputs: &<Self::Variables as Variables>::Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let _ = (variables, inputs, context);
+        let _ = (variables, context);
         Ok(())
     }
 
     /// Recomputes, at a time (s) between samples, what belongs to no clock and depends on inputs or tunable parameters
     /// that have changed, including the intervals of tunable clocks.
-    fn refresh(
-        &mut self,
-        time: f64,
-        variables: &mut Self::Variables,
-        inputs: &<Self::Variables as Variables>::Inputs,
-    ) {
-        let _ = (time, variables, inputs);
+    fn refresh(&mut self, time: f64, variables: &mut Self::Variables) {
+        let _ = (time, variables);
     }
 
-    /// Executes a sample: reads the inputs, which are clamped to their bounds, and sets outputs and locals. If the model
+    /// Executes a sample: reads the inputs, which are within their bounds, and sets outputs and locals. If the model
     /// has clocks, exactly one input clock [ticks](Clock::ticks); simultaneous ticks are one call each, ordered by
     /// `priority`.
     ///
@@ -105,7 +100,6 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
         &mut self,
         sample: Sample,
         variables: &mut Self::Variables,
-        inputs: &<Self::Variables as Variables>::Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error>;
 }
@@ -119,7 +113,7 @@ pub struct Sample {
     pub time: f64,
 }
 
-/// A sampled model as a [`Model`], also for Model Exchange, where each sample is an event.
+/// A sampled model as the runtime sees it: in Model Exchange each sample is an event.
 #[derive(Clone, Debug, Default)]
 pub struct SampledModel<S> {
     /// The sampled model.
@@ -238,14 +232,13 @@ impl<S: Sampled> SampledModel<S> {
         &mut self,
         Due { time, clock, .. }: Due,
         variables: &mut S::Variables,
-        inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         context.at(time);
         let Some(position) = clock else {
             let sample = Sample { number: self.executed, time };
             self.executed += 1;
-            return self.sampled.sample(sample, variables, inputs, context);
+            return self.sampled.sample(sample, variables, context);
         };
         let set = |variables: &mut S::Variables, ticks| {
             if let Some(clock) = variables.clock_mut(position) {
@@ -253,7 +246,7 @@ impl<S: Sampled> SampledModel<S> {
             }
         };
         set(variables, true);
-        let computed = self.tick(time, variables, inputs, context);
+        let computed = self.tick(time, variables, context);
         set(variables, false);
         computed
     }
@@ -295,7 +288,6 @@ impl<S: Sampled> Model for SampledModel<S> {
     fn initialize(
         &mut self,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let (origin, period) = (context.experiment.start_time, S::period(variables));
@@ -307,9 +299,9 @@ impl<S: Sampled> Model for SampledModel<S> {
             clock.set_interval(period);
         }
         calculate_parameters(self, variables);
-        self.sampled.initialize(variables, inputs, context)?;
+        self.sampled.initialize(variables, context)?;
         check_calculated_parameters(variables, |variables| calculate_parameters(self, variables))?;
-        self.sampled.refresh(origin, variables, inputs);
+        self.sampled.refresh(origin, variables);
         Self::start_clocks(variables)?;
         let period = Self::period(variables);
         if !Self::IS_ACTIVATED && period < f64::EPSILON * origin.abs() {
@@ -345,29 +337,24 @@ impl<S: Sampled> Model for SampledModel<S> {
             }
             check_number(&due, step.end())?;
             let due = due.join(&mut last);
-            if step.inputs.is_constant() {
-                self.compute(due, variables, step.inputs.initial(), context)?;
-            } else {
-                // A sample that rounding places before the step uses the inputs at its start.
-                let offset = due.time - step.start;
-                let inputs = step.inputs.at(if offset > 0.0 { offset } else { 0.0 });
-                self.compute(due, variables, &inputs, context)?;
-            }
+            // A sample that rounding places before the step uses the inputs at its start.
+            let offset = due.time - step.start;
+            step.inputs.move_to(if offset > 0.0 { offset } else { 0.0 }, variables.inputs_mut());
+            self.compute(due, variables, context)?;
             self.retime(variables, last);
         }
         Ok(())
     }
 
-    fn refresh(&mut self, time: f64, variables: &mut Self::Variables, inputs: &InputsOf<Self>) {
+    fn refresh(&mut self, time: f64, variables: &mut Self::Variables) {
         self.retime(variables, time);
-        self.sampled.refresh(time, variables, inputs);
+        self.sampled.refresh(time, variables);
     }
 
     fn tick(
         &mut self,
         time: f64,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         // Inputs come first, of which only one ticks.
@@ -375,15 +362,10 @@ impl<S: Sampled> Model for SampledModel<S> {
         let ticks = |&position: &usize| variables.clock(position).is_some_and(Clock::ticks);
         let clock = positions.into_iter().find(ticks).and_then(|position| variables.clock_mut(position));
         let number = clock.map_or(0, Clock::count);
-        self.sampled.sample(Sample { number, time }, variables, inputs, context)
+        self.sampled.sample(Sample { number, time }, variables, context)
     }
 
-    fn next_event(
-        &self,
-        _time: f64,
-        variables: &mut Self::Variables,
-        _inputs: &InputsOf<Self>,
-    ) -> Option<f64> {
+    fn next_event(&self, _time: f64, variables: &Self::Variables) -> Option<f64> {
         if Self::IS_ACTIVATED {
             return None;
         }
@@ -394,7 +376,6 @@ impl<S: Sampled> Model for SampledModel<S> {
         &mut self,
         event: &Event<'_>,
         variables: &mut Self::Variables,
-        inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         if !event.is_due {
@@ -403,7 +384,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         let mut last = event.time;
         let is_same = |due: &Due| due.time <= event.time + due.rounding();
         while let Some(due) = self.next_sample(variables).filter(is_same) {
-            self.compute(due.join(&mut last), variables, inputs, context)?;
+            self.compute(due.join(&mut last), variables, context)?;
             self.retime(variables, last);
         }
         Ok(())
@@ -436,7 +417,7 @@ impl<S: Sampled> Model for SampledModel<S> {
             }
             check_number(&sample, end.time)?;
             let sample = sample.join(&mut last);
-            self.compute(sample, variables, step.inputs.initial(), context)?;
+            self.compute(sample, variables, context)?;
             self.retime(variables, last);
             if context.end.is_some() {
                 break;

@@ -21,7 +21,7 @@ use crate::description::ModelDescription;
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
 /// Increment with every change of the runtime's content. (The GUID identifies the model's content.)
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 /// The length of the checksum.
 const CHECKSUM: usize = 8;
 

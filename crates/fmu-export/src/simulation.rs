@@ -16,7 +16,7 @@ use crate::variables::Variables;
 /// let mut simulation = Simulation::<Lag>::default();
 /// simulation.variables.parameters.time_constant = 0.5;
 /// simulation.initialize()?;
-/// simulation.inputs.voltage = 1.0;
+/// simulation.variables.inputs.voltage = 1.0;
 /// simulation.step(0.1)?;
 /// assert!(simulation.variables.outputs.voltage_lagged < 1.0);
 /// ```
@@ -24,10 +24,8 @@ use crate::variables::Variables;
 pub struct Simulation<F: Fmu> {
     /// The model.
     pub model: F::Model,
-    /// The variables, at their start values until initialization.
+    /// The variables, at their start values until initialization. Their inputs are those of the next step.
     pub variables: VariablesOf<F>,
-    /// The inputs of the next step.
-    pub inputs: InputsOf<F::Model>,
     /// The experiment that an importer would set up.
     pub experiment: Experiment,
     /// The time in seconds.
@@ -52,7 +50,6 @@ impl<F: Fmu> Default for Simulation<F> {
         let variables = VariablesOf::<F>::default();
         Self {
             model: F::Model::default(),
-            inputs: variables.inputs().clone(),
             variables,
             experiment: Experiment::default(),
             time: 0.0,
@@ -74,13 +71,13 @@ impl<F: Fmu> Simulation<F> {
         self.time = self.experiment.start_time;
         self.left = None;
         self.reached = (self.time, Ahead::default());
-        let Self { model, variables, inputs, experiment, messages, .. } = self;
+        let Self { model, variables, experiment, messages, .. } = self;
         self.taken = Some(variables.clone());
         let mut log = log_to(messages, experiment.start_time);
         let resources = Resources::of::<VariablesOf<F>>();
         let mut context =
             Context::new(experiment.of::<VariablesOf<F>>(), &mut log).with_resources(&resources);
-        model.initialize(variables, inputs, &mut context)
+        model.initialize(variables, &mut context)
     }
 
     /// Advances by a communication step of a size in seconds with constant inputs. Clocks whose interval does not change
@@ -89,7 +86,7 @@ impl<F: Fmu> Simulation<F> {
     /// # Errors
     /// When the model fails, or requests the end, at [`Simulation::time`].
     pub fn step(&mut self, size: f64) -> Result<(), Error> {
-        let mut inputs = InputSignal::constant(self.inputs.clone());
+        let mut inputs = InputSignal::constant(self.variables.inputs());
         if self.left.as_ref().is_some_and(|left| *left == self.inputs_and_states()) {
             inputs = inputs.kept();
         }
@@ -101,7 +98,7 @@ impl<F: Fmu> Simulation<F> {
     fn inputs_and_states(&self) -> (InputsOf<F::Model>, Vec<f64>) {
         let mut states = vec![];
         VariablesOf::<F>::each_state(&self.variables, |_, state: f64| states.push(state));
-        (self.inputs.clone(), states)
+        (self.variables.inputs().clone(), states)
     }
 
     /// Ticks a clock at the present time, such as `|variables| &mut variables.clocks.sample`.
@@ -110,18 +107,19 @@ impl<F: Fmu> Simulation<F> {
     /// When the model fails.
     pub fn tick(&mut self, clock: impl Fn(&mut VariablesOf<F>) -> &mut Clock) -> Result<(), Error> {
         self.take_parameters();
-        let Self { model, variables, inputs, experiment, messages, time, .. } = self;
+        let Self { model, variables, experiment, messages, time, .. } = self;
         clock(variables).ticks = true;
         let mut log = log_to(messages, *time);
         let resources = Resources::of::<VariablesOf<F>>();
         let mut context =
             Context::new(experiment.of::<VariablesOf<F>>(), &mut log).with_resources(&resources);
-        let ticked = model.tick(*time, variables, inputs, &mut context);
+        let ticked = model.tick(*time, variables, &mut context);
         clock(variables).ticks = false;
         ticked
     }
 
-    /// Advances by a communication step of a size in seconds with inputs that may change during it.
+    /// Advances by a communication step of a size in seconds with Real inputs that may change during it, to those at its
+    /// end.
     ///
     /// # Errors
     /// As [`Simulation::step`].
@@ -135,7 +133,9 @@ impl<F: Fmu> Simulation<F> {
         let resources = Resources::of::<VariablesOf<F>>();
         let mut context =
             Context::new(experiment.of::<VariablesOf<F>>(), &mut log).with_resources(&resources);
+        inputs.restart(variables.inputs_mut());
         model.step(variables, &step, &mut context)?;
+        inputs.move_to(size, variables.inputs_mut());
         if let Some(end) = context.end {
             *time = end;
             return Err(Error::new(format!("the model requests the end at {end:?} s")));

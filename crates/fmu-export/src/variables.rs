@@ -312,7 +312,7 @@ pub trait Variables: Clone + Default + Persistent + Send + Sync + 'static {
     #[must_use]
     fn along_derivatives(&self) -> Self;
     /// Variables with weights in place of Real ones, each of which occurs once, and 0 elsewhere. For
-    /// [`Model::differentiate_backwards`](crate::Model::differentiate_backwards).
+    /// [`Stepper::differentiate_backwards`](crate::Stepper::differentiate_backwards).
     #[must_use]
     fn weights(references: &[ValueReference], weights: &[f64]) -> Self
     where

@@ -2,9 +2,9 @@
 //! and the relay of the vacuum pump. A template for your own controller.
 #![allow(non_snake_case, reason = "the library is named after the model identifier")]
 
-use fmu_export::{Context, Error, InputsOf, Model, Persistent, Step};
+use fmu_export::{Context, Error, Persistent, Step, Stepper};
 
-fmu_export::fmu!(MinimalController);
+fmu_export::fmu!(stepper MinimalController);
 
 /// The range of duties in which the wastegate moves, in %.
 const DUTIES: [f64; 2] = [25.0, 75.0];
@@ -17,17 +17,16 @@ struct MinimalController {
     integral: f64,
 }
 
-impl Model for MinimalController {
+impl Stepper for MinimalController {
     type Variables = Variables;
 
     fn initialize(
         &mut self,
         variables: &mut Variables,
-        inputs: &InputsOf<Self>,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         self.integral = variables.parameters.duty;
-        variables.outputs.hp_wastegate_pwm = compensated(self.integral, inputs);
+        variables.outputs.hp_wastegate_pwm = compensated(self.integral, &variables.inputs);
         variables.outputs.vacuum_pump = 0.0;
         Ok(())
     }
@@ -35,17 +34,16 @@ impl Model for MinimalController {
     fn step(
         &mut self,
         variables: &mut Variables,
-        step: &Step<'_, InputsOf<Self>>,
+        step: &Step<'_, Inputs>,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let (inputs, parameters) = (step.inputs.initial(), &variables.parameters);
+        let Variables { inputs, parameters, outputs, .. } = variables;
         let proportional = parameters.gain * (inputs.boost_reference - inputs.boost_pressure);
         let duty = (self.integral + proportional).clamp(DUTIES[0], DUTIES[1]);
         // At a bound the integral term is limited, against windup.
         let integral = self.integral + proportional * step.size / parameters.integral_time;
         self.integral = integral.clamp(DUTIES[0], DUTIES[1]);
 
-        let outputs = &mut variables.outputs;
         outputs.hp_wastegate_pwm = compensated(duty, inputs);
         if inputs.tank_pressure <= TANK_PRESSURES[0] {
             outputs.vacuum_pump = 0.0;
@@ -57,6 +55,6 @@ impl Model for MinimalController {
 }
 
 /// A duty at 12 V, compensated for the present voltage (paper, eq. (9)).
-fn compensated(duty: f64, inputs: &InputsOf<MinimalController>) -> f64 {
+fn compensated(duty: f64, inputs: &Inputs) -> f64 {
     (duty * 12.0 / inputs.supply_voltage_measured.max(6.0)).min(100.0)
 }

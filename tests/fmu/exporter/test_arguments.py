@@ -361,6 +361,29 @@ def test_input_derivatives_of_every_order(make: Make) -> None:
         assert instance.get("tank.level") == 2.0 + (0.25**order + 0.75**order) / 2
 
 
+def test_an_input_reads_as_it_was_set(make: Make) -> None:
+    """An importer gets the value that it has set, although the model computes with another: the nearest
+    bound, and after a step the end of the input's Taylor series. Setting any input goes back to the values as
+    set, from which the next step begins."""
+    instance = make().initialize()
+    assert instance.set({"rate": 12.0, "drive": 0.5}) == Status.WARNING
+    assert [instance.get("rate"), instance.get("drive"), instance.get("output")] == [12.0, 0.5, 10.0]
+    assert instance.set({"rate": 8.0}) == Status.OK
+    assert instance.set_derivative("rate", 1, -4.0) == Status.OK
+    assert instance.step(0.0, 1.0) == Status.OK
+    level = instance.get("tank.level")
+    assert level == 6.0
+    assert [instance.get("rate"), instance.get("output")] == [8.0, level + 4.0]
+    saved = instance.save()
+    for _ in range(2):
+        assert instance.set({"drive": 0.25}) == Status.OK
+        assert [instance.get("rate"), instance.get("output")] == [8.0, level + 8.0]
+        assert instance.step(1.0, 1.0) == Status.OK
+        assert instance.get("tank.level") == level + 8.0
+        instance.ok("fmi2SetFMUstate", saved)
+        assert [instance.get("rate"), instance.get("output")] == [8.0, level + 4.0]
+
+
 def test_setting_an_input_clears_its_derivatives(make: Make) -> None:
     """In section 4.2.1 derivatives are set after the value."""
     instance = make().initialize()

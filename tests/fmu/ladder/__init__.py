@@ -8,6 +8,7 @@ from pathlib import Path
 from fmu import TARGET
 
 FMUS = TARGET / "ladder" / "fmu"
+STEPPERS = TARGET / "steppers" / "fmu"
 
 
 def exported(model: str, folder: Path) -> Path:

@@ -25,7 +25,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from fmu.exporter.importer import Status
-from fmu.ladder import FMUS
+from fmu.ladder import FMUS, STEPPERS
 
 pytestmark = pytest.mark.quick
 
@@ -601,6 +601,30 @@ def test_the_vehicle_follows_the_drive_cycle(fmu, interface):
     result = simulate(fmu("DriveCycle"), interface, output=["distance"], output_interval=20)
     # A tolerance for each of some hundred steps.
     assert result["distance"][-1] == pytest.approx(8 * 20 + 14 * 70, rel=100 * TOLERANCE)
+
+
+# The checkout
+
+
+@pytest.mark.parametrize("version", ["", "fmi3"])
+def test_the_queue_of_the_checkout_is_as_long_as_theory_says(version):
+    """A queue M/M/1 with the load r holds r/(1 - r) customers in the mean, with a variance of r/(1 - r)^2 and
+    a relaxation time of 1/(s (1 - sqrt(r))^2). Its simulation is the same in steps of any length."""
+    fmu, (arrivals, service), stop = STEPPERS / version / "Checkout.fmu", (0.01, 0.02), 2e6
+    assert validate_fmu(fmu) == []
+
+    def waiting(step):
+        start_values = {"arrivals": arrivals, "service": service}
+        result = simulate_fmu(
+            fmu, start_values=start_values, stop_time=stop, step_size=step, output_interval=step
+        )
+        return result["waiting"]
+
+    load = arrivals / service
+    found, relaxation = waiting(100), 1 / (service * (1 - math.sqrt(load)) ** 2)
+    error = math.sqrt(load / (1 - load) ** 2 * 2 * relaxation / stop)
+    assert abs(found.mean() - load / (1 - load)) < 4 * error
+    assert (found[::5] == waiting(500)).all()
 
 
 # The sampled controller

@@ -17,7 +17,6 @@ impl Sampled for {Type} {
     fn initialize(
         &mut self,
         variables: &mut Variables,
-        _inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let (parameters, clocks) = (&variables.parameters, &mut variables.clocks);
@@ -30,19 +29,18 @@ impl Sampled for {Type} {
         &mut self,
         _sample: Sample,
         variables: &mut Variables,
-        inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let (parameters, clocks) = (&variables.parameters, &variables.clocks);
+        let Variables { parameters, inputs, clocks, outputs, .. } = variables;
         if clocks.speed_loop.ticks() {
             let proportional = parameters.speed_gain * (inputs.speed_reference - inputs.speed);
-            variables.outputs.current_reference = self.of_speed + proportional;
+            outputs.current_reference = self.of_speed + proportional;
             self.of_speed += proportional * parameters.speed_period / parameters.speed_time;
         }
         if clocks.current_loop.ticks() {
-            let error = variables.outputs.current_reference - inputs.current;
+            let error = outputs.current_reference - inputs.current;
             let proportional = parameters.current_gain * error;
-            variables.outputs.voltage = self.of_current + proportional;
+            outputs.voltage = self.of_current + proportional;
             self.of_current += proportional * parameters.current_period / parameters.current_time;
         }
         Ok(())

@@ -11,10 +11,9 @@ impl Sampled for {Type} {
         &mut self,
         sample: Sample,
         variables: &mut Variables,
-        inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let (clocks, outputs) = (&mut variables.clocks, &mut variables.outputs);
+        let Variables { inputs, clocks, outputs, .. } = variables;
         outputs.total_in_clock_ticks += 1;
         if clocks.in_clock1.ticks() {
             outputs.in_clock1_ticks += 1;

@@ -26,8 +26,8 @@ mod tests {
     #[test]
     fn outputs_are_the_inputs() -> Result<(), Error> {
         let mut simulation = Simulation::<{Type}>::default();
-        simulation.inputs.string_input = "FMI".to_owned();
-        simulation.inputs.enumeration_input = Option::Option2;
+        simulation.variables.inputs.string_input = "FMI".to_owned();
+        simulation.variables.inputs.enumeration_input = Option::Option2;
         simulation.initialize()?;
         assert_eq!(simulation.variables.outputs.string_output, "FMI");
         let option = simulation.variables.outputs.enumeration_output;

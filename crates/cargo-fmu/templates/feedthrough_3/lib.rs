@@ -36,10 +36,10 @@ mod tests {
     #[test]
     fn outputs_are_the_inputs() -> Result<(), Error> {
         let mut simulation = Simulation::<{Type}>::default();
-        simulation.inputs.string_input = "FMI".to_owned();
-        simulation.inputs.binary_input = vec![0, 255];
-        simulation.inputs.int8_input = i8::MIN;
-        simulation.inputs.enumeration_input = Option::Option2;
+        simulation.variables.inputs.string_input = "FMI".to_owned();
+        simulation.variables.inputs.binary_input = vec![0, 255];
+        simulation.variables.inputs.int8_input = i8::MIN;
+        simulation.variables.inputs.enumeration_input = Option::Option2;
         simulation.initialize()?;
         assert_eq!(simulation.variables.outputs.string_output, "FMI");
         assert_eq!(simulation.variables.outputs.binary_output, [0, 255]);

@@ -49,7 +49,7 @@ mod tests {
     fn the_first_output_is_that_of_the_first_row() -> Result<(), Error> {
         check_dependencies::<{Type}>(&Variables::default())?;
         let mut simulation = Simulation::<{Type}>::default();
-        simulation.inputs.u = [1.0, -2.0, 3.0];
+        simulation.variables.inputs.u = [1.0, -2.0, 3.0];
         simulation.initialize()?;
         let y = simulation.variables.outputs.y;
         // 0.1 + 0.5 * 1 - 0.25 * -2 + 0.75 * 3, up to rounding.

@@ -24,13 +24,12 @@ impl Sampled for {Type} {
         &mut self,
         _sample: Sample,
         variables: &mut Variables,
-        inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let parameters = &variables.parameters;
+        let Variables { parameters, inputs, outputs, .. } = variables;
         let proportional = parameters.gain * (inputs.reference - inputs.measurement);
         let command = self.integral + proportional;
-        variables.outputs.command = command.clamp(LIMITS[0], LIMITS[1]);
+        outputs.command = command.clamp(LIMITS[0], LIMITS[1]);
         let rise = proportional * parameters.sample_time / parameters.integral_time;
         // Anti-windup: the integral term stays within the limits.
         self.integral = (self.integral + rise).clamp(LIMITS[0], LIMITS[1]);
@@ -53,7 +52,7 @@ mod tests {
         assert!((two_samples.command - 0.55).abs() < 1e-12);
         simulation.step(0.05)?;
         assert_eq!(simulation.variables.outputs, two_samples);
-        simulation.inputs.reference = 100.0;
+        simulation.variables.inputs.reference = 100.0;
         simulation.step(0.1)?;
         assert!(simulation.variables.outputs.command >= LIMITS[1]);
         Ok(())

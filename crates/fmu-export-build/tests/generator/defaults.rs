@@ -7,7 +7,7 @@ use std::ptr;
 
 use fmu_export::fmi2::c_api;
 use fmu_export::fmi2::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status};
-use fmu_export::{Context, Dual, Error, InputsOf, Model, Step, Variables as _};
+use fmu_export::{Context, Dual, Error, Step, Stepped, Stepper, Variables as _};
 use fmu_export_build::{Generated, Interfaces, Package, generate_into};
 
 use super::{folder, read, sources};
@@ -16,7 +16,7 @@ mod variables {
     include!("mass_oscillator/variables.rs");
 }
 
-use variables::Variables;
+use variables::{Inputs, Variables};
 
 fn generate(out_dir: &std::path::Path) -> Generated {
     let package = Package {
@@ -139,36 +139,33 @@ struct Oscillator {}
 fmu_export::persistent!(Oscillator {});
 
 impl Oscillator {
-    fn evaluate(variables: &mut Variables, force: f64) {
+    fn evaluate(variables: &mut Variables) {
         variables.derivatives.position = variables.states.velocity;
-        variables.derivatives.velocity = force - variables.parameters.stiffness * variables.states.position;
+        variables.derivatives.velocity =
+            variables.inputs.force - variables.parameters.stiffness * variables.states.position;
         variables.outputs.energy = variables.states.velocity.powi(2) / 2.0;
     }
 }
 
-impl Model for Oscillator {
+impl Stepper for Oscillator {
     type Variables = Variables;
 
-    fn initialize(
-        &mut self,
-        variables: &mut Variables,
-        inputs: &InputsOf<Self>,
-        _context: &mut Context<'_>,
-    ) -> Result<(), Error> {
+    fn initialize(&mut self, variables: &mut Variables, _context: &mut Context<'_>) -> Result<(), Error> {
         variables.states_from_start();
-        Self::evaluate(variables, inputs.force);
+        Self::evaluate(variables);
         Ok(())
     }
 
     fn step(
         &mut self,
         variables: &mut Variables,
-        step: &Step<'_, InputsOf<Self>>,
+        step: &Step<'_, Inputs>,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         variables.states =
             variables.states.combine(&variables.derivatives, &mut |state, rate| state + step.size * rate);
-        Self::evaluate(variables, step.inputs.at(step.size).force);
+        step.inputs.move_to(step.size, &mut variables.inputs);
+        Self::evaluate(variables);
         Ok(())
     }
 
@@ -176,7 +173,6 @@ impl Model for Oscillator {
         &self,
         _time: Dual,
         variables: &Variables,
-        _inputs: &InputsOf<Self>,
         direction: &Variables,
     ) -> Result<Variables, Error> {
         let mut derivatives = Variables::zero();
@@ -195,7 +191,7 @@ struct Fmu(Component);
 impl Drop for Fmu {
     fn drop(&mut self) {
         // SAFETY: the component is this importer's and used no more.
-        unsafe { c_api::fmi2FreeInstance::<Oscillator>(self.0) }
+        unsafe { c_api::fmi2FreeInstance::<Stepped<Oscillator>>(self.0) }
     }
 }
 
@@ -213,33 +209,43 @@ fn the_runtime_knows_a_state_that_is_an_output_by_its_value_reference() {
     // SAFETY: all arguments are valid during the call.
     let fmu = Fmu(unsafe {
         let (name, guid, callbacks) = (name.as_ptr(), guid.as_ptr(), &raw const callbacks);
-        c_api::fmi2Instantiate::<Oscillator>(name, CO_SIMULATION, guid, ptr::null(), callbacks, FALSE, FALSE)
+        c_api::fmi2Instantiate::<Stepped<Oscillator>>(
+            name,
+            CO_SIMULATION,
+            guid,
+            ptr::null(),
+            callbacks,
+            FALSE,
+            FALSE,
+        )
     });
     assert!(!fmu.0.is_null());
     let get = |reference: u32| {
         let mut value = f64::NAN;
         // SAFETY: one reference and room for one value.
-        let status =
-            unsafe { c_api::fmi2GetReal::<Oscillator>(fmu.0, &raw const reference, 1, &raw mut value) };
+        let status = unsafe {
+            c_api::fmi2GetReal::<Stepped<Oscillator>>(fmu.0, &raw const reference, 1, &raw mut value)
+        };
         (status, value)
     };
     let set = |reference: u32, value: f64| -> Status {
         // SAFETY: one reference and one value.
-        unsafe { c_api::fmi2SetReal::<Oscillator>(fmu.0, &raw const reference, 1, &raw const value) }
+        unsafe { c_api::fmi2SetReal::<Stepped<Oscillator>>(fmu.0, &raw const reference, 1, &raw const value) }
     };
     // SAFETY: the component is valid.
     let call = |function: unsafe fn(Component) -> Status| unsafe { function(fmu.0) };
     // SAFETY: the component is valid.
-    let status = unsafe { c_api::fmi2SetupExperiment::<Oscillator>(fmu.0, FALSE, 0.0, 0.0, FALSE, 0.0) };
+    let status =
+        unsafe { c_api::fmi2SetupExperiment::<Stepped<Oscillator>>(fmu.0, FALSE, 0.0, 0.0, FALSE, 0.0) };
     assert_eq!(status, OK);
     // The start value of the position, by its value reference; 8 is nobody's.
     assert_eq!((set(3, 2.0), set(100, 1.0)), (OK, OK));
     assert_ne!(set(8, 1.0), OK);
-    assert_eq!(call(c_api::fmi2EnterInitializationMode::<Oscillator>), OK);
-    assert_eq!(call(c_api::fmi2ExitInitializationMode::<Oscillator>), OK);
+    assert_eq!(call(c_api::fmi2EnterInitializationMode::<Stepped<Oscillator>>), OK);
+    assert_eq!(call(c_api::fmi2ExitInitializationMode::<Stepped<Oscillator>>), OK);
     assert_eq!([get(3), get(1), get(4), get(50)], [(OK, 2.0), (OK, 0.0), (OK, 0.0), (OK, 1.0 - 4.0 * 2.0)]);
     // SAFETY: the component is valid.
-    assert_eq!(unsafe { c_api::fmi2DoStep::<Oscillator>(fmu.0, 0.0, 0.5, FALSE) }, OK);
+    assert_eq!(unsafe { c_api::fmi2DoStep::<Stepped<Oscillator>>(fmu.0, 0.0, 0.5, FALSE) }, OK);
     assert_eq!([get(3), get(1), get(2)], [(OK, 2.0), (OK, -3.5), (OK, 3.5 * 3.5 / 2.0)]);
     // The position changes as it is told, and by its derivative over time; the other's derivative by the stiffness.
     let along = |unknown: u32, known: u32| {
@@ -248,7 +254,9 @@ fn the_runtime_knows_a_state_that_is_an_output_by_its_value_reference() {
         let (seed, value) = (&raw const seed, &raw mut derivative);
         // SAFETY: one unknown, one known and one seed, and room for one value.
         let status = unsafe {
-            c_api::fmi2GetDirectionalDerivative::<Oscillator>(fmu.0, unknown, 1, known, 1, seed, value)
+            c_api::fmi2GetDirectionalDerivative::<Stepped<Oscillator>>(
+                fmu.0, unknown, 1, known, 1, seed, value,
+            )
         };
         (status, derivative)
     };
@@ -257,7 +265,7 @@ fn the_runtime_knows_a_state_that_is_an_output_by_its_value_reference() {
     let (position, order) = (&raw const position, &raw const order);
     // SAFETY: one reference, one order and room for one value.
     let status = unsafe {
-        c_api::fmi2GetRealOutputDerivatives::<Oscillator>(fmu.0, position, 1, order, &raw mut rate)
+        c_api::fmi2GetRealOutputDerivatives::<Stepped<Oscillator>>(fmu.0, position, 1, order, &raw mut rate)
     };
     assert_eq!((status, rate), (OK, -3.5));
     // An output is not set between steps, though it is a state.

@@ -24,10 +24,9 @@ impl<M: Model> Instance<M> {
         }
         self.check_activation(position, time)?;
         let memory = &mut self.memory;
-        memory.inputs.update(M::LOOKS_AHEAD);
         memory.accept_parameters()?;
         if memory.stale {
-            memory.model.refresh(time, &mut memory.variables, memory.inputs.latest());
+            memory.model.refresh(time, &mut memory.variables);
         }
         // If an error or a panic interrupts the partition, the instance stays in this state.
         let phase = mem::replace(&mut memory.phase, Phase::Error);

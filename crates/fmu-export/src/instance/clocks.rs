@@ -57,7 +57,7 @@ impl<M: Model> Instance<M> {
                 memory.clock_mut(position).ticks = true;
             }
         }
-        memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
+        memory.model.refresh(memory.time, &mut memory.variables);
         memory.phase = phase;
         Ok(status)
     }
@@ -75,7 +75,7 @@ impl<M: Model> Instance<M> {
             }
         });
         let mut context = Context::new(memory.experiment, &mut log).with_resources(&self.resources);
-        memory.model.tick(time, &mut memory.variables, memory.inputs.latest(), &mut context)?;
+        memory.model.tick(time, &mut memory.variables, &mut context)?;
         memory.end = context.end()?.or(memory.end);
         memory.clock_mut(position).ticks = false;
         check_finite(&memory.variables, time)?;

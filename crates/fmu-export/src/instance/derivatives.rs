@@ -65,24 +65,11 @@ impl<M: Model> Instance<M> {
         let by_parameters =
             knowns.iter().any(|&known| Self::checked(known).causality == Causality::Parameter);
         let (memory, tape) = (&self.memory, &mut self.tape);
-        let (variables, inputs) = (&memory.variables, memory.inputs.latest());
+        let variables = &memory.variables;
         let derivatives = if memory.phase == Phase::InitializationMode {
-            memory.model.differentiate_initialization_backwards(
-                memory.time,
-                variables,
-                inputs,
-                &weights,
-                tape,
-            )
+            memory.model.differentiate_initialization_backwards(memory.time, variables, &weights, tape)
         } else {
-            memory.model.differentiate_backwards(
-                memory.time,
-                variables,
-                inputs,
-                &weights,
-                by_parameters,
-                tape,
-            )
+            memory.model.differentiate_backwards(memory.time, variables, &weights, by_parameters, tape)
         }?;
         for (&known, sensitivity) in knowns.iter().zip(sensitivities) {
             *sensitivity = if is_time::<M>(known) {
@@ -224,12 +211,12 @@ impl<M: Model> Instance<M> {
     ) -> Result<(Status, M::Variables), Error> {
         let status = self.compute_values()?;
         let memory = &self.memory;
-        let (variables, inputs) = (&memory.variables, memory.inputs.latest());
+        let variables = &memory.variables;
         let time = Dual::new(memory.time, rate_of_time);
         let derivatives = if memory.phase == Phase::InitializationMode {
-            memory.model.differentiate_initialization(time, variables, inputs, direction)
+            memory.model.differentiate_initialization(time, variables, direction)
         } else {
-            memory.model.differentiate(time, variables, inputs, direction)
+            memory.model.differentiate(time, variables, direction)
         };
         Ok((status, derivatives?))
     }

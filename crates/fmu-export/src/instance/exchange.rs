@@ -40,16 +40,15 @@ impl<M: Model> Memory<M> {
     }
 
     /// Computes the event indicators.
-    fn compute_indicators(&mut self, indicators: &mut [f64]) {
-        let Self { model, variables, inputs, time, .. } = self;
-        model.event_indicators(*time, variables, inputs.latest(), indicators);
+    fn compute_indicators(&self, indicators: &mut [f64]) {
+        self.model.event_indicators(self.time, &self.variables, indicators);
     }
 
     /// Whether an event indicator has changed since the last event.
     fn find_changes(&mut self) -> Result<bool, Error> {
-        let Self { model, variables, inputs, time, events, .. } = self;
+        let Self { model, variables, time, events, .. } = self;
         events.find_changes(*time, M::Variables::EVENT_INDICATORS, |indicators| {
-            model.event_indicators(*time, variables, inputs.latest(), indicators);
+            model.event_indicators(*time, variables, indicators);
         })
     }
 
@@ -59,8 +58,8 @@ impl<M: Model> Memory<M> {
     }
 
     /// The next event after a time (s), as the model says.
-    fn next_event(&mut self, time: f64) -> Option<f64> {
-        self.model.next_event(time, &mut self.variables, self.inputs.latest())
+    fn next_event(&self, time: f64) -> Option<f64> {
+        self.model.next_event(time, &self.variables)
     }
 
     /// Requests the next event at an event at a time (s).
@@ -78,9 +77,9 @@ impl<M: Model> Instance<M> {
         if const { Self::EVENTS.is_made } && memory.instance_type != InstanceType::CoSimulation {
             // It can be repeated after an error.
             memory.phase = Phase::InitializationMode;
-            let Memory { model, variables, inputs, time, events, .. } = memory;
+            let Memory { model, variables, time, events, .. } = memory;
             events.begin(*time, M::Variables::EVENT_INDICATORS, |indicators| {
-                model.event_indicators(*time, variables, inputs.latest(), indicators);
+                model.event_indicators(*time, variables, indicators);
             })?;
             memory.announce_next(memory.time, true)?;
             memory.phase = event_mode;
@@ -143,10 +142,10 @@ impl<M: Model> Instance<M> {
             let phase = mem::replace(&mut memory.phase, Phase::Error);
             let event =
                 Event { time, is_initial: false, is_due: due.is_some(), indicators: memory.events.changed() };
-            memory.model.event(&event, &mut memory.variables, memory.inputs.latest(), &mut context)?;
+            memory.model.event(&event, &mut memory.variables, &mut context)?;
             memory.end = context.end()?.or(memory.end);
             memory.events.accept();
-            memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.latest());
+            memory.model.refresh(memory.time, &mut memory.variables);
             check_finite(&memory.variables, memory.time)?;
             memory.announce_next(time, false)?;
             memory.event.states_changed |= memory.states() != before;

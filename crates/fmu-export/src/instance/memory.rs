@@ -13,7 +13,7 @@ use fmu_terms::InstanceType;
 
 use crate::clock::Clock;
 use crate::context::Experiment;
-use crate::description::ClockDescription;
+use crate::description::{ClockDescription, ValueReference};
 use crate::inputs::InputSignal;
 use crate::logger::RecentMessages;
 use crate::model::{InputsOf, Model, calculate_parameters};
@@ -130,7 +130,7 @@ impl<M: Model> Memory<M> {
             instance_type,
             phase: Phase::Instantiated,
             model: M::default(),
-            inputs: InputSignal::constant(variables.inputs().clone()),
+            inputs: InputSignal::constant(variables.inputs()),
             variables,
             experiment: Experiment::default(),
             is_set_up: false,
@@ -161,6 +161,21 @@ impl<M: Model> Memory<M> {
     pub(super) fn take_parameters(&mut self) {
         calculate_parameters(&self.model, &mut self.variables);
         self.model.take_parameters(&self.variables);
+    }
+
+    /// Sets a Real input at a position, within its bounds. Returns whether the value has just left them.
+    #[inline]
+    pub(super) fn set_real_input(&mut self, reference: ValueReference, position: usize, value: f64) -> bool {
+        let Self { variables, inputs, .. } = self;
+        inputs.go_back(variables.inputs_mut());
+        variables.set_real(reference, InputSignal::<InputsOf<M>>::bound(position, value));
+        inputs.take(position, value)
+    }
+
+    /// An input that is not Real has been set to another value.
+    pub(super) fn note_changed_input(&mut self) {
+        self.inputs.go_back(self.variables.inputs_mut());
+        self.inputs.note_change();
     }
 
     pub(super) fn clock_mut(&mut self, position: usize) -> &mut Clock {

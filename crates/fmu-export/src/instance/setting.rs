@@ -9,7 +9,9 @@ use fmu_solve::display::Shown;
 use super::values::{BINARIES, BOOLEANS, FLOATS, REALS, STRINGS, Whole};
 use super::{Answer, Instance};
 use crate::allocation::check_memory;
-use crate::description::{Causality, DataType, Initial, ValueReference, Variability, VariableDescription};
+use crate::description::{
+    Causality, DataType, Initial, ScalarVariable, ValueReference, Variability, VariableDescription,
+};
 use crate::inputs::MAX_ORDER;
 use crate::model::Model;
 use crate::variables::Variables;
@@ -188,8 +190,7 @@ impl<M: Model> Instance<M> {
             let Some(variable) = M::Variables::description_near(reference, &mut last) else { continue };
             let memory = &mut self.memory;
             if let Some(position) = variable.real_input() {
-                write(&mut memory.variables, reference, value);
-                if memory.inputs.set_value(position, as_number(value)) {
+                if memory.set_real_input(reference, position, as_number(value)) {
                     status = self.warn_of_bounds(reference, as_number(value));
                 }
                 continue;
@@ -201,7 +202,7 @@ impl<M: Model> Instance<M> {
                 continue;
             }
             if variable.causality == Causality::Input {
-                memory.inputs.set_others(memory.variables.inputs());
+                memory.note_changed_input();
             } else {
                 memory.parameters_changed = true;
             }
@@ -219,14 +220,17 @@ impl<M: Model> Instance<M> {
         types: &[DataType],
         &Setter { as_number, is_set, write }: &Setter<M::Variables, T>,
     ) -> Answer {
-        let is_kept = |this: &Self, variable: &VariableDescription, reference, value| {
+        let is_kept = |this: &Self, variable: &ScalarVariable, reference, value| {
             (variable.causality == Causality::Input || variable.variability == Variability::Tunable)
-                && is_set(&this.memory.variables, reference, value)
+                && match variable.real_input() {
+                    Some(position) => PartialEq::eq(&this.memory.inputs.set(position), &as_number(value)),
+                    None => is_set(&this.memory.variables, reference, value),
+                }
         };
         for (&reference, &value) in references.iter().zip(values) {
-            let variable = Self::attributes(reference, types)?;
-            if !is_kept(self, variable, reference, value) {
-                self.check_settable(variable, reference, as_number(value))?;
+            let variable = Self::variable(reference, types)?;
+            if !is_kept(self, &variable, reference, value) {
+                self.check_settable(&variable, reference, as_number(value))?;
             }
         }
         let mut status = Status::Ok;
@@ -241,15 +245,14 @@ impl<M: Model> Instance<M> {
                 memory.variables.set_state(reference, as_number(value));
                 continue;
             }
-            write(&mut memory.variables, reference, value);
-            match variable.real_input() {
-                Some(position) => {
-                    if memory.inputs.set_value(position, as_number(value)) {
-                        status = self.warn_of_bounds(reference, as_number(value));
-                    }
-                }
+            let Some(position) = variable.real_input() else {
                 // A Float32.
-                None => memory.inputs.set_others(memory.variables.inputs()),
+                write(&mut memory.variables, reference, value);
+                memory.note_changed_input();
+                continue;
+            };
+            if memory.set_real_input(reference, position, as_number(value)) {
+                status = self.warn_of_bounds(reference, as_number(value));
             }
         }
         Ok(status)
@@ -273,10 +276,8 @@ impl<M: Model> Instance<M> {
         self.memory.stale = true;
         let mut status = Status::Ok;
         for (&reference, &value) in references.iter().zip(values) {
-            let memory = &mut self.memory;
-            memory.variables.set_real(reference, value);
             let position = (reference - M::Variables::REAL_INPUTS.start) as usize;
-            if memory.inputs.set_value(position, value) {
+            if self.memory.set_real_input(reference, position, value) {
                 status = self.warn_of_bounds(reference, value);
             }
         }

@@ -11,6 +11,7 @@ use super::{Answer, Instance, check_finite};
 use crate::context::{Context, Timed};
 use crate::description::{Capabilities, Version};
 use crate::model::{InputsOf, Model, Step};
+use crate::variables::Variables as _;
 
 impl<M: Model> Instance<M> {
     /// Advances by one communication step.
@@ -41,9 +42,9 @@ impl<M: Model> Instance<M> {
         if memory.end.is_some() {
             return Ok(self.discard_for_end(end));
         }
-        memory.inputs.update(M::LOOKS_AHEAD);
+        memory.inputs.go_back(memory.variables.inputs_mut());
         if memory.accept_parameters()? {
-            memory.model.refresh(memory.time, &mut memory.variables, memory.inputs.initial());
+            memory.model.refresh(memory.time, &mut memory.variables);
         }
         let mut status = Status::Ok;
         let logger = &self.logger;
@@ -68,7 +69,8 @@ impl<M: Model> Instance<M> {
         memory.phase = Phase::StepComplete;
         memory.time = event.unwrap_or(end);
         memory.ahead = if event.is_some() { ahead } else { ahead_at_end };
-        memory.inputs.end_step(event.map_or(size, |event| event - start));
+        let size = event.map_or(size, |event| event - start);
+        memory.inputs.end_step(size, memory.variables.inputs_mut());
         Ok(status)
     }
 

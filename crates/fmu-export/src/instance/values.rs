@@ -171,12 +171,27 @@ impl<M: Model> Instance<M> {
             Self::check_types(references, REALS)?;
             status = self.compute_values()?;
         }
-        if self.memory.variables.copy_reals(self.memory.time, references, values) {
+        let are_finite = self.memory.variables.copy_reals(self.memory.time, references, values);
+        if self.memory.inputs.differs() {
+            self.copy_set_inputs(references, values);
+        }
+        if are_finite {
             return Ok(status);
         }
         // One is of no Real, or no finite number.
         Self::check_types(references, REALS)?;
         self.no_number(references)
+    }
+
+    /// Copies the values of Real inputs as the importer has set them, which the model does not see.
+    #[cold]
+    fn copy_set_inputs(&self, references: &[ValueReference], values: &mut [f64]) {
+        for (&reference, value) in references.iter().zip(values) {
+            if let Some(position) = M::Variables::description(reference).and_then(ScalarVariable::real_input)
+            {
+                *value = self.memory.inputs.set(position);
+            }
+        }
     }
 
     /// The answer if the value of a Real variable is no finite number. The other values are still returned: after a failed

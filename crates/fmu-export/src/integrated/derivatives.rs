@@ -4,7 +4,6 @@ use fmu_solve::{Dual, Recorded, Tape};
 
 use super::{Integrate, Integrated};
 use crate::equations::{Equations, VariablesOf, calculate_parameters, duals, evaluate};
-use crate::model::InputsOf;
 use crate::variables::Variables;
 
 impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
@@ -13,14 +12,12 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         &self,
         time: Dual,
         variables: &E::Variables,
-        inputs: &InputsOf<Self>,
         direction: &E::Variables,
         initialize: impl FnOnce(&mut VariablesOf<E, Dual>),
     ) -> E::Variables {
-        let (mut variables, mut direction) = (variables.clone(), direction.clone());
-        variables.inputs_mut().clone_from(inputs);
+        let mut direction = direction.clone();
         direction.states_from_start();
-        let mut duals = duals(&variables, &direction, &Dual::new);
+        let mut duals = duals(variables, &direction, &Dual::new);
         calculate_parameters::<E, Dual>(&self.equations, &mut duals);
         initialize(&mut duals);
         evaluate(&self.equations, time, &mut duals);
@@ -34,7 +31,6 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
         &self,
         time: f64,
         variables: &E::Variables,
-        inputs: &InputsOf<Self>,
         known: &E::Variables,
         weights: &E::Variables,
         tape: &'t mut Tape,
@@ -42,8 +38,6 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
     ) -> E::Variables {
         tape.clear();
         let tape = &*tape;
-        let mut variables = variables.clone();
-        variables.inputs_mut().clone_from(inputs);
         let is_known = |known: f64| known != 0.0;
         let mut recorded = variables.combined(known, |value, known| {
             if is_known(known) { tape.variable(value) } else { Recorded::from(value) }

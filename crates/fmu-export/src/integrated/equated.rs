@@ -62,7 +62,7 @@ impl<'a, E: Equations> Equated<'a, E> {
     fn set(&mut self, elapsed: f64, states: impl Fn(usize) -> f64) {
         *self.place = Place::NONE;
         if !self.inputs.is_constant() {
-            self.inputs.set_at(elapsed, self.variables.inputs_mut());
+            self.inputs.move_to(elapsed, self.variables.inputs_mut());
         }
         E::Variables::set_states(self.variables, states);
     }
@@ -211,7 +211,7 @@ impl<E: Equations> System for Equated<'_, E> {
         }
         if !self.inputs.is_constant() {
             let mut direction = E::Variables::zero();
-            *direction.inputs_mut() = self.inputs.slopes_at(elapsed);
+            self.inputs.slopes_at(elapsed, direction.inputs_mut());
             numbers = duals(self.variables, &direction, &Dual::new);
         }
         E::Variables::set_states(&mut numbers, |state| Dual::from(states[state]));

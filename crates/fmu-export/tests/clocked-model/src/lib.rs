@@ -15,7 +15,6 @@ impl Sampled for ClockedModel {
     fn initialize(
         &mut self,
         variables: &mut Variables,
-        _inputs: &Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let Variables { parameters, clocks, .. } = variables;
@@ -25,7 +24,7 @@ impl Sampled for ClockedModel {
         Ok(())
     }
 
-    fn refresh(&mut self, _time: f64, variables: &mut Variables, _inputs: &Inputs) {
+    fn refresh(&mut self, _time: f64, variables: &mut Variables) {
         variables.clocks.tuned.set_interval(variables.parameters.tuned_time);
     }
 
@@ -33,10 +32,9 @@ impl Sampled for ClockedModel {
         &mut self,
         sample: Sample,
         variables: &mut Variables,
-        inputs: &Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables { clocks, outputs, locals, .. } = variables;
+        let Variables { inputs, clocks, outputs, locals, .. } = variables;
         let names = [
             (clocks.constant, "constant"),
             (clocks.trigger, "trigger"),

@@ -519,7 +519,6 @@ macro_rules! tuned {
                 &mut self,
                 _sample: Sample,
                 variables: &mut $of_samples::Variables,
-                _inputs: &$of_samples::Inputs,
                 _context: &mut Context<'_>,
             ) -> Result<(), Error> {
                 variables.outputs.seen = variables.calculated_parameters.scaled;
@@ -553,7 +552,6 @@ impl Sampled for TunedTicks {
         &mut self,
         _sample: Sample,
         variables: &mut tuned_ticks::Variables,
-        _inputs: &tuned_ticks::Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         variables.outputs.seen = variables.calculated_parameters.scaled;
@@ -623,10 +621,9 @@ macro_rules! instants {
                 &mut self,
                 sample: Sample,
                 variables: &mut $of_ticks::Variables,
-                inputs: &$of_ticks::Inputs,
                 _context: &mut Context<'_>,
             ) -> Result<(), Error> {
-                variables.outputs.note(sample.time, inputs.begin);
+                variables.outputs.note(sample.time, variables.inputs.begin);
                 Ok(())
             }
         }

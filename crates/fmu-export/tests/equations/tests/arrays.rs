@@ -232,9 +232,8 @@ fn equations_depend_on_what_is_declared() {
     simulation.initialize().unwrap();
     let mut direction = Variables::zero();
     direction.start.x[9] = 1.0;
-    let Simulation { model, variables, inputs, .. } = &simulation;
-    let derivatives =
-        model.differentiate(fmu_export::Dual::default(), variables, inputs, &direction).unwrap();
+    let Simulation { model, variables, .. } = &simulation;
+    let derivatives = model.differentiate(fmu_export::Dual::default(), variables, &direction).unwrap();
     let expected: [f64; 300] = std::array::from_fn(|i| match i {
         8 | 10 => 2.0,
         9 => -4.0,

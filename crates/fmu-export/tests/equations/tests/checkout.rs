@@ -1,6 +1,6 @@
 //! A model around a crate that simulates by itself: the README's, without its `fmu!`.
 
-use fmu_export::{Context, Error, Model, Persistent, Step};
+use fmu_export::{Context, Error, Persistent, Step, Stepped, Stepper};
 use fmu_export_equations::checkout::{Inputs, Variables};
 use fmu_terms::InstanceType;
 
@@ -72,16 +72,11 @@ struct Checkout {
     queue: Option<Queue>, // none before initialization
 }
 
-impl Model for Checkout {
+impl Stepper for Checkout {
     type Variables = Variables;
 
-    fn initialize(
-        &mut self,
-        variables: &mut Variables,
-        inputs: &Inputs,
-        _: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        let queue = Queue::new(inputs.arrivals * HOUR, variables.parameters.service * HOUR);
+    fn initialize(&mut self, variables: &mut Variables, _: &mut Context<'_>) -> Result<(), Error> {
+        let queue = Queue::new(variables.inputs.arrivals * HOUR, variables.parameters.service * HOUR);
         variables.outputs.waiting = f64::from(queue.waiting());
         self.queue = Some(queue);
         Ok(())
@@ -94,7 +89,7 @@ impl Model for Checkout {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let queue = self.queue.as_mut().ok_or_else(|| Error::new("there is no queue"))?;
-        queue.arrivals_per_hour = step.inputs.initial().arrivals * HOUR;
+        queue.arrivals_per_hour = variables.inputs.arrivals * HOUR;
         queue.run_until((step.end() - context.experiment.start_time) / HOUR);
         variables.outputs.waiting = f64::from(queue.waiting());
         Ok(())
@@ -112,7 +107,7 @@ fn an_existing_simulation_is_stepped_and_saved() {
         })
         .collect();
     assert!(expected.iter().any(|waiting| *waiting > 2.0));
-    let mut importer = Importer::<Checkout>::new(InstanceType::CoSimulation);
+    let mut importer = Importer::<Stepped<Checkout>>::new(InstanceType::CoSimulation);
     importer.initialize();
     let mut found = vec![];
     for minute in 0..60 {
@@ -132,16 +127,11 @@ struct Unwritten {
     checkout: Checkout,
 }
 
-impl Model for Unwritten {
+impl Stepper for Unwritten {
     type Variables = Variables;
 
-    fn initialize(
-        &mut self,
-        variables: &mut Variables,
-        inputs: &Inputs,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
-        self.checkout.initialize(variables, inputs, context)
+    fn initialize(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {
+        self.checkout.initialize(variables, context)
     }
 
     fn step(
@@ -157,7 +147,7 @@ impl Model for Unwritten {
 /// The queue of the second half hour is the same again, random numbers included.
 #[test]
 fn a_state_in_memory_has_the_skipped_fields() {
-    let mut importer = Importer::<Unwritten>::new(InstanceType::CoSimulation);
+    let mut importer = Importer::<Stepped<Unwritten>>::new(InstanceType::CoSimulation);
     importer.initialize();
     importer.step(0.0, 1800.0);
     let [first, second] = importer.twice(|importer| {

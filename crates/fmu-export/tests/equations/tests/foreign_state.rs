@@ -27,7 +27,6 @@ impl Sampled for Noise {
     fn initialize(
         &mut self,
         _variables: &mut Self::Variables,
-        _inputs: &stairs::Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         self.generator = Some(Pcg32::new(1, 2));
@@ -38,7 +37,6 @@ impl Sampled for Noise {
         &mut self,
         _sample: Sample,
         variables: &mut Self::Variables,
-        _inputs: &stairs::Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let drawn = self.generator.as_mut().map(|generator| f64::from(generator.next_u32()));

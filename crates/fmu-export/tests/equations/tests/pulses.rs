@@ -321,7 +321,7 @@ fn driven_systems_are_where_steps_from_point_to_point_bring_them() {
         SYSTEM.set(Some(system));
         let ahead = states_at_points(size, |run, size| run.step(size).unwrap(), pulse);
         let by_points = |run: &mut Run<LINEAR>, size| {
-            let inputs = InputSignal::constant(run.inputs);
+            let inputs = InputSignal::constant(&run.variables.inputs);
             run.step_with(size, &inputs).unwrap();
         };
         let exact = states_at_points(size, by_points, pulse);

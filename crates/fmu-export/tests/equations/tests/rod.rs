@@ -5,7 +5,7 @@ use std::ptr;
 
 use fmu_export::fmi2::c_api;
 use fmu_export::fmi2::c_types::{CO_SIMULATION, Status};
-use fmu_export::{Context, Equations, InputSignal, Integrated, Model as _, Simulation, Step};
+use fmu_export::{Context, Equations, InputSignal, Integrated, Model as _, Simulation, Step, Variables as _};
 use fmu_export_equations::{BouncingBall, Decay, Field, Robertson, Rod};
 
 use crate::allocations::counted;
@@ -69,8 +69,8 @@ const FIRST: u32 = 10;
 fn allocations<E: Equations>(size: f64, steps: u32) -> u64 {
     let mut simulation = Simulation::<Integrated<E>>::default();
     simulation.initialize().unwrap();
-    let Simulation { mut model, mut variables, inputs, experiment, .. } = simulation;
-    let inputs = InputSignal::constant(inputs);
+    let Simulation { mut model, mut variables, experiment, .. } = simulation;
+    let inputs = InputSignal::constant(variables.inputs());
     let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
     let mut step = |number: u32| {
         let step = Step::new(f64::from(number) * size, size, &inputs);

@@ -18,7 +18,6 @@ impl Sampled for Counter {
         &mut self,
         sample: Sample,
         variables: &mut Self::Variables,
-        _inputs: &stairs::Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         variables.outputs.steps += 1;
@@ -74,7 +73,6 @@ impl Sampled for Both {
         &mut self,
         _sample: Sample,
         _variables: &mut Self::Variables,
-        _inputs: &tuned_ticks::Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         Ok(())
@@ -105,7 +103,6 @@ macro_rules! recorders {
             fn initialize(
                 &mut self,
                 variables: &mut $module::Variables,
-                _inputs: &$module::Inputs,
                 _context: &mut Context<'_>,
             ) -> Result<(), Error> {
                 let $module::Variables { parameters, clocks, .. } = variables;
@@ -120,7 +117,6 @@ macro_rules! recorders {
                 &mut self,
                 sample: Sample,
                 variables: &mut $module::Variables,
-                _inputs: &$module::Inputs,
                 _context: &mut Context<'_>,
             ) -> Result<(), Error> {
                 let clocks = &variables.clocks;

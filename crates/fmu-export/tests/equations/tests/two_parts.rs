@@ -97,9 +97,9 @@ fn run_from<E: Equations, I: Integrate<E>>(
         }
         let [value, slope] = case.input;
         let [rise, slope] = if number.is_multiple_of(2) { [0.0, slope] } else { [0.1 * slope, -slope] };
-        let mut inputs = simulation.inputs.clone();
+        let mut inputs = simulation.variables.inputs().clone();
         inputs.set_real(0, value + rise);
-        let mut inputs = InputSignal::constant(inputs);
+        let mut inputs = InputSignal::constant(&inputs);
         inputs.set_derivative(0, 1, slope);
         simulation.step_with(0.1, &inputs).unwrap();
         let mut states = [0.0; 4];

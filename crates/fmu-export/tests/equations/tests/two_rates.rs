@@ -9,7 +9,7 @@ type Model = Integrated<Furnace, TwoRates<1, 1>>;
 fn furnace(tolerance: f64, change: impl FnOnce(&mut Variables)) -> Simulation<Model> {
     let mut simulation = Simulation::<Model>::default();
     simulation.experiment.tolerance = Some(tolerance);
-    simulation.inputs.command = 1.0;
+    simulation.variables.inputs.command = 1.0;
     change(&mut simulation.variables);
     simulation.initialize().unwrap();
     simulation
@@ -68,7 +68,7 @@ fn a_command_is_sampled_from_any_start_on() {
         simulation.experiment.start_time = start;
         simulation.initialize().unwrap();
         for command in [0.5, -1.0, 2.0, 0.25] {
-            simulation.inputs.command = command;
+            simulation.variables.inputs.command = command;
             simulation.step(0.1).unwrap();
             // A lag of a millisecond has settled within 0.1 s, to exp(-100) and the tolerance.
             let opening = simulation.variables.states.opening;
@@ -96,11 +96,11 @@ fn coupled_parts_take_the_same_steps() {
 fn a_sampled_input_acts_from_the_next_event_on_and_at_once_where_both_coincide() {
     let mut simulation = furnace(1e-8, |_| {});
     simulation.step(0.05).unwrap();
-    simulation.inputs.command = 2.0;
+    simulation.variables.inputs.command = 2.0;
     // To the event at 0.1 s, at which the valve has forgotten its start.
     simulation.step(0.05).unwrap();
     assert!((simulation.variables.states.opening - 1.0).abs() < 1e-6, "sampled before the event");
-    simulation.inputs.command = 3.0;
+    simulation.variables.inputs.command = 3.0;
     simulation.step(0.02).unwrap();
     assert!((simulation.variables.states.opening - 3.0).abs() < 1e-6, "not sampled at the event");
 }

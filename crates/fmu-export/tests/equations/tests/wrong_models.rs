@@ -163,7 +163,6 @@ impl Sampled for AtTheStart {
     fn initialize(
         &mut self,
         variables: &mut tuned_samples::Variables,
-        _inputs: &tuned_samples::Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         variables.calculated_parameters.scaled = 10.0 * variables.parameters.gain;
@@ -174,7 +173,6 @@ impl Sampled for AtTheStart {
         &mut self,
         _sample: Sample,
         _variables: &mut tuned_samples::Variables,
-        _inputs: &tuned_samples::Inputs,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
         Ok(())

@@ -27,13 +27,12 @@ impl Sampled for SampledModel {
         &mut self,
         sample: Sample,
         variables: &mut Variables,
-        inputs: &Inputs,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         if sample.time >= variables.parameters.end {
             context.terminate(sample.time);
         }
-        self.sum += variables.parameters.gain * f64::from(inputs.sign) * inputs.signal;
+        self.sum += variables.parameters.gain * f64::from(variables.inputs.sign) * variables.inputs.signal;
         variables.outputs.sum = self.sum;
         variables.outputs.samples += 1;
         variables.locals.last = sample.time;

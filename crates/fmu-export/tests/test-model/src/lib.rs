@@ -8,7 +8,8 @@ use std::thread;
 use fmu_export::persistence::{Archive, Persistent};
 use fmu_export::{Context, Dual, Error, Event, InputsOf, Model, Serves, Step, Tape, Variables as _};
 
-fmu_export::fmu!(TestModel);
+// What the runtime asks of a model is not for users: this one is to fail at each of its places.
+fmu_export::fmu!(@exported TestModel, TestModel);
 
 /// A step ends at the model's end where it misses it by less, in s.
 const ROUNDING: f64 = 1e-9;
@@ -136,14 +137,14 @@ fn sign(gear: Gear) -> f64 {
 }
 
 /// The derivative of the level's rate with respect to the rate.
-fn gain(variables: &Variables, inputs: &Inputs) -> f64 {
-    gain_factor(variables, inputs) * variables.parameters.tank.gain
+fn gain(variables: &Variables) -> f64 {
+    gain_factor(variables) * variables.parameters.tank.gain
 }
 
 /// Its derivative with respect to the gain.
-fn gain_factor(variables: &Variables, inputs: &Inputs) -> f64 {
+fn gain_factor(variables: &Variables) -> f64 {
     let doubled = if variables.parameters.settings.doubled { 2.0 } else { 1.0 };
-    if inputs.enabled { doubled } else { 0.0 }
+    if variables.inputs.enabled { doubled } else { 0.0 }
 }
 
 impl TestModel {
@@ -159,21 +160,21 @@ impl TestModel {
     }
 
     /// Calculates outputs, locals and derivatives.
-    fn evaluate(&self, time: f64, variables: &mut Variables, inputs: &Inputs) {
-        let gain = gain(variables, inputs);
-        let (parameters, states) = (&variables.parameters, &variables.states);
-        let determinant = variables.calculated_parameters.settings.determinant;
+    fn evaluate(&self, time: f64, variables: &mut Variables) {
+        let gain = gain(variables);
+        let Variables {
+            parameters, calculated_parameters, inputs, states, derivatives, locals, outputs, ..
+        } = variables;
+        let determinant = calculated_parameters.settings.determinant;
         let (level, position) = (states.tank.level, states.motion.position);
-        variables.derivatives.tank.level = gain * inputs.rate + inputs.pulse;
-        variables.derivatives.motion.position =
-            determinant * sign(inputs.gear) * inputs.drive - position * position;
-        variables.locals.tank.full = self.full;
-        variables.locals.events.clock = time;
-        variables.locals.events.ticks = self.ticks;
-        variables.locals.events.hits = self.hits;
-        variables.locals.events.had = self.had;
-        variables.locals.events.last = self.last;
-        let outputs = &mut variables.outputs;
+        derivatives.tank.level = gain * inputs.rate + inputs.pulse;
+        derivatives.motion.position = determinant * sign(inputs.gear) * inputs.drive - position * position;
+        locals.tank.full = self.full;
+        locals.events.clock = time;
+        locals.events.ticks = self.ticks;
+        locals.events.hits = self.hits;
+        locals.events.had = self.had;
+        locals.events.last = self.last;
         outputs.output = level + parameters.tank.gain * inputs.rate;
         outputs.position = position;
         outputs.steps = self.steps;
@@ -205,12 +206,7 @@ impl Model for TestModel {
         calculated.settings.determinant = a * d - b * c;
     }
 
-    fn initialize(
-        &mut self,
-        variables: &mut Variables,
-        inputs: &InputsOf<Self>,
-        context: &mut Context<'_>,
-    ) -> Result<(), Error> {
+    fn initialize(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {
         self.calculate_parameters(&variables.parameters, &mut variables.calculated_parameters);
         variables.states = variables.start;
         if variables.parameters.motion.start == Start::AtRest {
@@ -219,8 +215,8 @@ impl Model for TestModel {
             }
             variables.states.motion.position = 0.0;
         }
-        if inputs.note.starts_with("warning") {
-            context.warn(format_args!("{}", inputs.note));
+        if variables.inputs.note.starts_with("warning") {
+            context.warn(format_args!("{}", variables.inputs.note));
         }
         context.event(format_args!("the level starts at {}", variables.states.tank.level));
         fail(variables, Place::Initialize)?;
@@ -234,7 +230,7 @@ impl Model for TestModel {
         (self.ticks, self.hits, self.had, self.last) = (0, 0, 0, 0.0);
         (self.echoes, self.echo) = (0, 1.0);
         self.note_full(variables);
-        self.evaluate(self.start_time, variables, inputs);
+        self.evaluate(self.start_time, variables);
         let place = variables.parameters.fault.place;
         DEFAULT_FAILS.store(place == Place::Default, Ordering::Relaxed);
         self.clone_fails = place == Place::Clone;
@@ -249,11 +245,12 @@ impl Model for TestModel {
         step: &Step<'_, InputsOf<Self>>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        variables.states.tank.level += f64::from(step.inputs.initial().lift);
+        variables.states.tank.level += f64::from(variables.inputs.lift);
         // Two midpoint steps: exact for a rate that is linear in time.
         let half = step.size / 2.0;
         for middle in [0.5 * half, 1.5 * half] {
-            self.evaluate(step.start + middle, variables, &step.inputs.at(middle));
+            step.inputs.move_to(middle, &mut variables.inputs);
+            self.evaluate(step.start + middle, variables);
             variables.states.tank.level += variables.derivatives.tank.level * half;
             variables.states.motion.position += variables.derivatives.motion.position * half;
             if middle < half {
@@ -262,7 +259,8 @@ impl Model for TestModel {
         }
         self.steps += 1;
         self.note_full(variables);
-        self.evaluate(step.end(), variables, &step.inputs.at(step.size));
+        step.inputs.move_to(step.size, &mut variables.inputs);
+        self.evaluate(step.end(), variables);
         let end = variables.parameters.events.end;
         if end > 0.0 && step.start - ROUNDING < end && end <= step.end() + ROUNDING {
             context.terminate(end);
@@ -271,32 +269,31 @@ impl Model for TestModel {
         Ok(())
     }
 
-    fn refresh(&mut self, time: f64, variables: &mut Variables, inputs: &InputsOf<Self>) {
+    fn refresh(&mut self, time: f64, variables: &mut Variables) {
         // It returns no error, so it panics.
         if let Err(error) = fail(variables, Place::Refresh) {
             panic!("{error}");
         }
-        self.evaluate(time, variables, inputs);
+        self.evaluate(time, variables);
     }
 
     fn differentiate(
         &self,
         _time: Dual,
         variables: &Variables,
-        inputs: &InputsOf<Self>,
         direction: &Variables,
     ) -> Result<Variables, Error> {
         fail(&mut variables.clone(), Place::Differentiate)?;
-        let mut result = Variables::zero();
+        let (mut result, inputs) = (Variables::zero(), &variables.inputs);
         let (inputs_by, states_by) = (direction.inputs(), &direction.start);
         let position = variables.states.motion.position;
         let [[a, b], [c, d]] = variables.parameters.settings.table;
         let [[a_by, b_by], [c_by, d_by]] = direction.parameters.settings.table;
         let determinant_by = a_by * d + a * d_by - b_by * c - b * c_by;
-        let gain_by = gain_factor(variables, inputs) * direction.parameters.tank.gain;
+        let gain_by = gain_factor(variables) * direction.parameters.tank.gain;
         result.calculated_parameters.settings.determinant = determinant_by;
         result.derivatives.tank.level =
-            gain(variables, inputs) * inputs_by.rate + gain_by * inputs.rate + inputs_by.pulse;
+            gain(variables) * inputs_by.rate + gain_by * inputs.rate + inputs_by.pulse;
         result.derivatives.motion.position = sign(inputs.gear)
             * (variables.calculated_parameters.settings.determinant * inputs_by.drive
                 + determinant_by * inputs.drive)
@@ -312,33 +309,31 @@ impl Model for TestModel {
         &self,
         start_time: Dual,
         variables: &Variables,
-        inputs: &InputsOf<Self>,
         direction: &Variables,
     ) -> Result<Variables, Error> {
         // The start value of the motion's position is a guess, and therefore not a known in the standard.
-        self.differentiate(start_time, variables, inputs, direction)
+        self.differentiate(start_time, variables, direction)
     }
 
     fn differentiate_backwards(
         &self,
         _time: f64,
         variables: &Variables,
-        inputs: &InputsOf<Self>,
         weights: &Variables,
         _by_parameters: bool,
         _tape: &mut Tape,
     ) -> Result<Variables, Error> {
         fail(&mut variables.clone(), Place::Differentiate)?;
-        let mut result = Variables::zero();
+        let (mut result, inputs) = (Variables::zero(), &variables.inputs);
         let (rates, outputs) = (&weights.derivatives, &weights.outputs);
         let position = variables.states.motion.position;
         result.inputs.rate =
-            rates.tank.level * gain(variables, inputs) + outputs.output * variables.parameters.tank.gain;
+            rates.tank.level * gain(variables) + outputs.output * variables.parameters.tank.gain;
         result.inputs.pulse = rates.tank.level;
         let by_motion = rates.motion.position * sign(inputs.gear);
         result.inputs.drive = by_motion * variables.calculated_parameters.settings.determinant;
         result.parameters.tank.gain =
-            (outputs.output + gain_factor(variables, inputs) * rates.tank.level) * inputs.rate;
+            (outputs.output + gain_factor(variables) * rates.tank.level) * inputs.rate;
         let [[a, b], [c, d]] = variables.parameters.settings.table;
         let by_determinant = weights.calculated_parameters.settings.determinant + by_motion * inputs.drive;
         result.parameters.settings.table =
@@ -352,11 +347,10 @@ impl Model for TestModel {
         &self,
         start_time: f64,
         variables: &Variables,
-        inputs: &InputsOf<Self>,
         weights: &Variables,
         tape: &mut Tape,
     ) -> Result<Variables, Error> {
-        self.differentiate_backwards(start_time, variables, inputs, weights, true, tape)
+        self.differentiate_backwards(start_time, variables, weights, true, tape)
     }
 
     fn restored(&mut self, variables: &Variables) {
@@ -366,13 +360,7 @@ impl Model for TestModel {
         }
     }
 
-    fn event_indicators(
-        &self,
-        _time: f64,
-        variables: &mut Variables,
-        _inputs: &InputsOf<Self>,
-        indicators: &mut [f64],
-    ) {
+    fn event_indicators(&self, _time: f64, variables: &Variables, indicators: &mut [f64]) {
         // As in `refresh`.
         let mut variables = variables.clone();
         if let Err(error) = fail(&mut variables, Place::EventIndicators) {
@@ -384,7 +372,7 @@ impl Model for TestModel {
         indicators[2] = self.echo;
     }
 
-    fn next_event(&self, time: f64, variables: &mut Variables, _inputs: &InputsOf<Self>) -> Option<f64> {
+    fn next_event(&self, time: f64, variables: &Variables) -> Option<f64> {
         // As in `refresh`; the time of the event is what the level becomes.
         let mut variables = variables.clone();
         if let Err(error) = fail(&mut variables, Place::NextEvent) {
@@ -403,13 +391,12 @@ impl Model for TestModel {
         &mut self,
         event: &Event<'_>,
         variables: &mut Variables,
-        inputs: &InputsOf<Self>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         fail(variables, Place::Event)?;
         end_at_no_time(variables, context);
-        if inputs.note == "told" {
-            context.event(format_args!("{}", inputs.note));
+        if variables.inputs.note == "told" {
+            context.event(format_args!("{}", variables.inputs.note));
         }
         let end = variables.parameters.events.end;
         if self.last < end && end <= event.time {
@@ -420,7 +407,7 @@ impl Model for TestModel {
         if event.is_due && self.next_tick(variables).is_some_and(|tick| tick <= event.time) {
             self.ticks += 1;
             self.echoes = variables.parameters.events.echoes;
-            variables.states.tank.level += f64::from(inputs.lift);
+            variables.states.tank.level += f64::from(variables.inputs.lift);
         }
         if event.indicators[0] {
             self.note_full(variables);
