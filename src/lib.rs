@@ -11,8 +11,8 @@ pub mod plant;
 
 /// The modelDescription.xml of the plant and of the controller.
 pub const DESCRIPTIONS: [&str; 2] = [
-    <plant::variables::Variables as fmu_export::Variables>::MODEL_DESCRIPTION_XML,
-    <controller::variables::Variables as fmu_export::Variables>::MODEL_DESCRIPTION_XML,
+    <plant::variables::Variables as fmu_export::Described>::MODEL_DESCRIPTION_XML,
+    <controller::variables::Variables as fmu_export::Described>::MODEL_DESCRIPTION_XML,
 ];
 
 /// The longest communication step of either model in seconds: a day. A longer one would take minutes to compute and

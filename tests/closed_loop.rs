@@ -23,7 +23,7 @@ use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables as plant;
 use boost_steps::BOOST_STEPS;
 use fmu_export::description::Causality;
-use fmu_export::{Experiment, Fmu, InputSignal, InputsOf, Model, Simulation, Variables};
+use fmu_export::{Accessed as _, Described as _, Experiment, Fmu, InputSignal, InputsOf, Model, Simulation};
 use random::Random;
 
 /// The controller's sample time and the step of most masters here (s).

@@ -10,7 +10,7 @@ use boost_fmu::controller::variables::{FeedbackStructure, Inputs as ControllerIn
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::system::System;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States, Variables};
-use fmu_export::Variables as _;
+use fmu_export::Accessed as _;
 use fmu_export::description::Causality;
 use fmu_export::fmi2::c_types::ValueReference;
 

@@ -11,7 +11,7 @@ use std::hint::black_box;
 
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{Inputs, States, Variables};
-use fmu_export::{Dual, Inputs as _, Model as _, Simulation, Tape, Variables as _};
+use fmu_export::{Accessed as _, Dual, Inputs as _, Model as _, Numbered as _, Simulation, Tape};
 
 #[inline(never)]
 fn adjoint(plant: &Simulation<BoostPlant>, weights: &Variables, tape: &mut Tape) -> Variables {

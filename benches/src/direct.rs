@@ -1,6 +1,6 @@
 //! A model called directly, without FMI.
 
-use fmu_export::{Context, Experiment, InputSignal, InputsOf, Model, Step, Variables as _};
+use fmu_export::{Accessed as _, Context, Experiment, InputSignal, InputsOf, Model, Step};
 
 /// A model with its variables, inputs and time.
 #[derive(Clone)]

@@ -11,7 +11,7 @@ use fmu_export::fmi2::c_types::{
     fmi2EnterInitializationMode, fmi2ExitInitializationMode, fmi2FreeInstance, fmi2GetFMUstate, fmi2GetReal,
     fmi2Instantiate, fmi2SetFMUstate, fmi2SetInteger, fmi2SetReal, fmi2SetupExperiment,
 };
-use fmu_export::{Model, Variables};
+use fmu_export::{Described as _, Model};
 
 /// Declares functions by their names in the standard.
 macro_rules! functions {

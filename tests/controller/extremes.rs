@@ -5,7 +5,7 @@ use std::thread;
 use boost_fmu::controller::BoostController;
 use boost_fmu::controller::variables::{Inputs, Variables};
 use fmu_export::description::{Causality, DataType, ScalarVariable};
-use fmu_export::{Inputs as _, Model as _, Variables as _};
+use fmu_export::{Accessed as _, Described as _, Inputs as _, Model as _};
 
 use crate::bench::Bench;
 use crate::random::Random;

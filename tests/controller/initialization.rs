@@ -7,7 +7,7 @@ use boost_fmu::controller::BoostController;
 use boost_fmu::controller::actuator_inverse;
 use boost_fmu::controller::variables::{ControlMode, Inputs, Outputs, Parameters, Strategy, Variables};
 use fmu_export::description::{Causality, DataType, Name};
-use fmu_export::{Inputs as _, Model as _, Variables as _};
+use fmu_export::{Accessed as _, Described as _, Inputs as _, Model as _};
 
 use crate::bench::Bench;
 

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, States, Variables};
 use fmu_export::description::{Causality, DataType, Initial, ValueReference};
-use fmu_export::{Context, Experiment, Model, Variables as _};
+use fmu_export::{Accessed as _, Context, Described as _, Experiment, Model};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 

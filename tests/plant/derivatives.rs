@@ -3,7 +3,7 @@
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, States, Variables};
 use fmu_export::description::{Causality, Initial, ValueReference};
-use fmu_export::{Context, Dual, Experiment, Model, Tape, Variables as _};
+use fmu_export::{Accessed as _, Context, Dual, Experiment, Model, Numbered as _, Tape};
 
 use crate::dependencies::{
     Dependencies, assert_as_declared, declared_of_initialization, declared_of_steps, name, nothing_observed,

@@ -4,7 +4,7 @@
 use boost_fmu::plant::system::System;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, States, Variables};
 use fmu_export::description::ScalarVariable;
-use fmu_export::{InputSignal, Inputs as _, Variables as _};
+use fmu_export::{Described as _, InputSignal, Inputs as _};
 
 use crate::bench::{
     Bench, FULL_SCALES, OUTPUT_FULL_SCALES, inputs_of, numbers, reference_outputs, reference_states,

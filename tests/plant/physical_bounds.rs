@@ -8,7 +8,7 @@ use std::thread;
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::{InitializationMode, Inputs, Parameters, Variables};
 use fmu_export::description::{Causality, DataType, Initial};
-use fmu_export::{Inputs as _, Model as _, Simulation, Variables as _};
+use fmu_export::{Accessed as _, Described as _, Inputs as _, Model as _, Simulation};
 
 use crate::bench::Bench;
 use crate::random::Random;

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::variables as plant;
-use fmu_export::Variables as _;
+use fmu_export::{Accessed as _, Described as _};
 use fmu_package::{ParameterSet, Value};
 
 use crate::random::Random;

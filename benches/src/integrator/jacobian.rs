@@ -1,6 +1,6 @@
 //! Exact Jacobians for the solvers that are compared, by dual numbers.
 
-use fmu_export::{Dual, Variables};
+use fmu_export::{Described as _, Dual};
 use fmu_export_problems::Problem;
 
 /// Where a Jacobian has elements, by columns: where each column begins, and the row of each element.

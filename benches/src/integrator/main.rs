@@ -14,7 +14,7 @@ use std::hint::black_box;
 use std::path::Path;
 use std::{array, env, iter};
 
-use fmu_export::{InputSignal, Integrated, Simulation, Variables};
+use fmu_export::{Accessed as _, Described as _, InputSignal, Integrated, Numbered as _, Simulation};
 use fmu_export_problems::{
     Arenstorf, Brusselator, Chain, Converter, Dense, Heat, Kuramoto, Lorenz, Network, Oregonator, Pendulums,
     Pleiades, Pollution, Problem, Reference,

@@ -4,7 +4,7 @@ use std::ffi::{c_int, c_long, c_void};
 use std::path::Path;
 use std::{fs, ptr, slice};
 
-use fmu_export::{Context, Dual, Event, Experiment, Variables};
+use fmu_export::{Context, Described as _, Dual, Event, Experiment};
 use fmu_export_problems::Problem;
 
 use crate::jacobian::Elements;

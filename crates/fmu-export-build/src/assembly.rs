@@ -9,7 +9,7 @@ use crate::dependencies;
 use crate::error::Refusals;
 use crate::flatten::Flat;
 use crate::interfaces::Fmi;
-use crate::model::{Field, Model, Place, Scalar};
+use crate::model::{Field, Model, Place, Quantity, ReadsByMode, Scalar, Texts};
 use crate::package::Package;
 use crate::units::Units;
 use crate::units::declaration::UnitDeclaration;
@@ -82,13 +82,13 @@ fn next_reference(scalars: &[Scalar]) -> u32 {
 fn leave_out_clocks(scalars: &mut [Scalar]) {
     let are_clocks: Vec<_> = scalars.iter().map(|scalar| scalar.place == Place::Clocks).collect();
     for scalar in scalars {
-        scalar.clocks.clear();
-        if scalar.is_previous {
+        scalar.clocked.clocks.clear();
+        if scalar.clocked.is_previous {
             // It is of an earlier event.
-            scalar.reads = Some([].into());
+            scalar.reads.in_steps = Some([].into());
         }
-        (scalar.previous, scalar.is_previous) = (None, false);
-        for reads in [&mut scalar.reads, &mut scalar.initial_reads].into_iter().flatten() {
+        (scalar.clocked.previous, scalar.clocked.is_previous) = (None, false);
+        for reads in [&mut scalar.reads.in_steps, &mut scalar.reads.in_initialization].into_iter().flatten() {
             if reads.iter().any(|&read| are_clocks[read]) {
                 *reads = reads.iter().copied().filter(|&read| !are_clocks[read]).collect();
             }
@@ -104,8 +104,8 @@ fn add_sample_clock<'a>(model: &mut Model<'a>, clock: &'a VariableDeclaration) {
             && matches!(scalar.variability, Variability::Continuous | Variability::Discrete)
         {
             scalar.variability = Variability::Discrete;
-            scalar.clocks = vec![position];
-            scalar.reads = None;
+            scalar.clocked.clocks = vec![position];
+            scalar.reads.in_steps = None;
         }
     }
     let fields = &mut model.parts[0].fields;
@@ -119,12 +119,12 @@ fn add_sample_clock<'a>(model: &mut Model<'a>, clock: &'a VariableDeclaration) {
         name: clock.name.clone(),
         field: [0, fields.len()],
         value_reference: next_reference(&model.scalars),
-        description: clock.description.clone(),
+        texts: Texts { description: clock.description.clone(), aliases: vec![] },
         place: Place::Clocks,
         causality: Causality::Input,
         variability: Variability::Discrete,
         data_type: ValueType::Standard(DataType::Clock),
-        unit: None,
+        quantity: Quantity::default(),
         path: field.name(),
         ..Scalar::time()
     });
@@ -137,13 +137,12 @@ fn add_event_indicators(model: &mut Model<'_>, refusals: &mut Refusals) {
         let indicator = Scalar {
             name: format!("event_indicators.{name}"),
             value_reference: next_reference(&model.scalars),
-            description: Some(format!("Event indicator {name}")),
+            texts: Texts { description: Some(format!("Event indicator {name}")), aliases: vec![] },
             place: Place::EventIndicators,
             causality: Causality::Local,
             initial: Some(Initial::Calculated),
-            unit: None,
-            reads: None,
-            initial_reads: None,
+            quantity: Quantity::default(),
+            reads: ReadsByMode::default(),
             ..Scalar::time()
         };
         if model.names.contains_key(&indicator.name) {

@@ -42,11 +42,11 @@ pub(crate) fn too_many(scalar: &Scalar) -> String {
 
 impl Structure {
     pub(crate) fn new(scalars: &[Scalar], version: Version) -> Result<Self, Refusal> {
-        let in_steps = closures(scalars, known_in_steps(version), |scalar| &scalar.reads, "reads")?;
+        let in_steps = closures(scalars, known_in_steps(version), |scalar| &scalar.reads.in_steps, "reads")?;
         let in_initialization = closures(
             scalars,
             Scalar::known_in_initialization,
-            |scalar| &scalar.initial_reads,
+            |scalar| &scalar.reads.in_initialization,
             "initial_reads",
         )?;
         let unknowns = |wanted: fn(&Scalar) -> bool, closures: &[Closure]| {
@@ -56,7 +56,7 @@ impl Structure {
         Ok(Self {
             outputs: unknowns(|scalar| scalar.causality == Causality::Output, &in_steps),
             derivatives: unknowns(|scalar| scalar.place == Place::Derivatives, &in_steps),
-            clocked_states: unknowns(|scalar| scalar.previous.is_some(), &in_steps),
+            clocked_states: unknowns(|scalar| scalar.clocked.previous.is_some(), &in_steps),
             initial_unknowns: unknowns(Scalar::unknown_in_initialization, &in_initialization),
         })
     }
@@ -67,9 +67,9 @@ impl Structure {
 pub(crate) fn known_in_steps(version: Version) -> fn(&Scalar) -> bool {
     match version {
         Version::Two => Scalar::known_in_steps,
-        Version::Three => {
-            |scalar| scalar.known_in_steps() || scalar.place == Place::Parameters || scalar.is_previous
-        }
+        Version::Three => |scalar| {
+            scalar.known_in_steps() || scalar.place == Place::Parameters || scalar.clocked.is_previous
+        },
     }
 }
 
@@ -207,7 +207,7 @@ fn circles<'r>(count: usize, reads: impl Fn(usize) -> &'r [usize]) -> Vec<Vec<us
 /// computes them. (Initialization may solve for states simultaneously, so a circle through `initial_reads` is a valid
 /// system of equations.)
 pub(crate) fn refuse_cycles(scalars: &[Scalar], refusals: &mut Refusals) {
-    let reads = |position: usize| scalars[position].reads.as_deref().unwrap_or_default();
+    let reads = |position: usize| scalars[position].reads.in_steps.as_deref().unwrap_or_default();
     let circles = circles(scalars.len(), reads).into_iter();
     let first = circles.filter(|circle| circle.len() > 1 || reads(circle[0]).contains(&circle[0])).min();
     let Some(circle) = first else { return };

@@ -10,7 +10,10 @@ use serde_json::Value;
 use crate::check::variable;
 use crate::declaration::{AliasDeclaration, Contents, Declaration, VariableDeclaration, within};
 use crate::error::{Refusal, Refusals, nearest};
-use crate::model::{Alias, Field, Part, Place, Scalar, derivative_description, name_within, outward};
+use crate::model::{
+    Alias, Dynamics, Field, Part, Place, Quantity, Scalar, Texts, derivative_description, name_within,
+    outward,
+};
 use crate::names::{length, rust_type_name};
 
 /// The most components: types could contain each other in numbers that no computer holds.
@@ -306,43 +309,34 @@ impl<'a> Flat<'a> {
                 name: format!("{name}{subscripts}"),
                 key: key.clone(),
                 field: [self.parts.len(), part.fields.len()],
-                description: declaration.description.as_deref().map(|text| part.describe(text)),
                 place: checked.place,
                 causality: declaration.causality,
                 variability: checked.variability,
                 initial: checked.initial,
                 data_type: checked.data_type,
-                real_type: declaration.real_type,
-                unit: unit.clone(),
-                display_unit: declaration.display_unit.clone(),
-                relative_quantity: declaration.relative_quantity,
-                aliases: aliases(declaration, part, &subscripts),
-                min: fixed.or(declaration.min),
-                max: fixed.or(declaration.max),
-                nominal: declaration.nominal,
-                reinit: declaration.reinit,
-                strict: [declaration.strict_min, declaration.strict_max],
+                texts: Texts {
+                    description: declaration.description.as_deref().map(|text| part.describe(text)),
+                    aliases: aliases(declaration, part, &subscripts),
+                },
+                quantity: Quantity {
+                    real_type: declaration.real_type,
+                    unit,
+                    display_unit: declaration.display_unit.clone(),
+                    is_relative: declaration.relative_quantity,
+                    min: fixed.or(declaration.min),
+                    max: fixed.or(declaration.max),
+                    nominal: declaration.nominal,
+                },
+                dynamics: Dynamics {
+                    state: None,
+                    reinit: declaration.reinit,
+                    strict: [declaration.strict_min, declaration.strict_max],
+                },
                 start: checked.starts.as_ref().map(|starts| starts[number].clone()),
                 path: part.path.clone() + &declaration.rust_name() + &indices,
                 ..Scalar::time()
             };
-            let rate = declaration.derivative.as_ref().map(|derivative| Scalar {
-                name: format!("der({})", state.name),
-                key: format!("{key}.derivative"),
-                field: state.field,
-                description: Some(match &derivative.description {
-                    Some(description) => part.describe(description),
-                    None => derivative_description(&state.name),
-                }),
-                place: Place::Derivatives,
-                causality: Causality::Local,
-                variability: Variability::Continuous,
-                initial: Some(Initial::Calculated),
-                unit: derivative.unit.clone().or_else(|| unit.as_deref().map(per_second)),
-                state: Some(position),
-                path: state.path.clone(),
-                ..Scalar::time()
-            });
+            let rate = rate_of(&state, position, part, declaration);
             self.add_scalar(state)?;
             rate.map_or(Ok(()), |rate| self.add_scalar(rate))?;
         }
@@ -399,7 +393,7 @@ impl<'a> Flat<'a> {
     }
 
     fn add_scalar(&mut self, scalar: Scalar) -> Result<(), Refusal> {
-        let aliases = scalar.aliases.iter().map(|alias| &alias.name);
+        let aliases = scalar.texts.aliases.iter().map(|alias| &alias.name);
         for name in aliases.chain([&scalar.name]) {
             if self.names.insert(name.clone(), vec![self.scalars.len()]).is_some() {
                 return Err(duplicate(name, &scalar.key));
@@ -490,6 +484,35 @@ impl<'a> Flat<'a> {
             }
         }
     }
+}
+
+/// The derivative of a part's state at a position, if the variable is a state.
+fn rate_of(
+    state: &Scalar,
+    position: usize,
+    part: &Part<'_>,
+    declaration: &VariableDeclaration,
+) -> Option<Scalar> {
+    let derivative = declaration.derivative.as_ref()?;
+    let description = match &derivative.description {
+        Some(description) => part.describe(description),
+        None => derivative_description(&state.name),
+    };
+    let unit = derivative.unit.clone().or_else(|| state.quantity.unit.as_deref().map(per_second));
+    Some(Scalar {
+        name: format!("der({})", state.name),
+        key: format!("{}.derivative", state.key),
+        field: state.field,
+        place: Place::Derivatives,
+        path: state.path.clone(),
+        causality: Causality::Local,
+        variability: Variability::Continuous,
+        initial: Some(Initial::Calculated),
+        texts: Texts { description: Some(description), aliases: vec![] },
+        quantity: Quantity { unit, ..Quantity::default() },
+        dynamics: Dynamics { state: Some(position), ..Dynamics::default() },
+        ..Scalar::time()
+    })
 }
 
 /// The further names of a part's variable, or of its element.

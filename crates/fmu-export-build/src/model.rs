@@ -159,7 +159,7 @@ pub(crate) struct Alias {
     pub(crate) description: Option<String>,
 }
 
-/// A scalar variable.
+/// A scalar variable: what identifies it, and what each of its readers needs.
 #[derive(Default)]
 pub(crate) struct Scalar {
     pub(crate) name: String,
@@ -168,40 +168,69 @@ pub(crate) struct Scalar {
     /// The positions of the scalar's part, and of its field in the part; those of a derivative are those of its state.
     pub(crate) field: [usize; 2],
     pub(crate) value_reference: u32,
-    pub(crate) description: Option<String>,
     pub(crate) place: Place,
+    /// Where the value is within its place, such as `tank.pressure` or `gain[0][2]`.
+    pub(crate) path: String,
     pub(crate) causality: Causality,
     pub(crate) variability: Variability,
     /// How the initial value is defined; none for inputs and the independent variable.
     pub(crate) initial: Option<Initial>,
     pub(crate) data_type: ValueType,
-    /// The position of the scalar's type among the declaration's `real_types`, if any.
+    pub(crate) start: Option<Start>,
+    pub(crate) texts: Texts,
+    pub(crate) quantity: Quantity,
+    pub(crate) dynamics: Dynamics,
+    pub(crate) clocked: Clocked,
+    pub(crate) reads: ReadsByMode,
+}
+
+/// What people read of a scalar.
+#[derive(Default)]
+pub(crate) struct Texts {
+    pub(crate) description: Option<String>,
+    pub(crate) aliases: Vec<Alias>,
+}
+
+/// What a scalar's values mean, and their range.
+#[derive(Default)]
+pub(crate) struct Quantity {
+    /// The position among the declaration's `real_types`, if the scalar has one of them.
     pub(crate) real_type: Option<usize>,
     pub(crate) unit: Option<String>,
     pub(crate) display_unit: Option<String>,
-    pub(crate) relative_quantity: bool,
-    pub(crate) aliases: Vec<Alias>,
+    pub(crate) is_relative: bool,
     pub(crate) min: Option<f64>,
     pub(crate) max: Option<f64>,
     pub(crate) nominal: Option<f64>,
-    pub(crate) start: Option<Start>,
+}
+
+/// A scalar's part in the integration.
+#[derive(Default)]
+pub(crate) struct Dynamics {
     /// For a derivative: the position of its state.
     pub(crate) state: Option<usize>,
     /// For a state: whether events may set it.
     pub(crate) reinit: bool,
     /// For a state: whether the equations are invalid below `min`, and above `max`.
     pub(crate) strict: [bool; 2],
+}
+
+/// A scalar's relation to clocks.
+#[derive(Default)]
+pub(crate) struct Clocked {
     /// The positions of the clocks at whose ticks the scalar changes; none if it changes at any time.
     pub(crate) clocks: Vec<usize>,
     /// For a clocked state: the position of its previous value.
     pub(crate) previous: Option<usize>,
     /// Whether the scalar is the previous value of a clocked state.
     pub(crate) is_previous: bool,
-    /// Where the value is within its place, such as `tank.pressure` or `gain[0][2]`.
-    pub(crate) path: String,
-    pub(crate) reads: Reads,
-    /// What initialization reads.
-    pub(crate) initial_reads: Reads,
+}
+
+/// What the equation of a scalar reads, between steps and in initialization.
+#[derive(Default)]
+pub(crate) struct ReadsByMode {
+    pub(crate) in_steps: Reads,
+    pub(crate) in_initialization: Reads,
 }
 
 /// The positions of the variables that an equation reads, one list for all elements of an array that read alike; none if
@@ -213,11 +242,10 @@ impl Scalar {
     pub(crate) fn time() -> Self {
         Self {
             name: "time".to_owned(),
-            description: Some("Time".to_owned()),
             causality: Causality::Independent,
-            unit: Some("s".to_owned()),
-            reads: Some([].into()),
-            initial_reads: Some([].into()),
+            texts: Texts { description: Some("Time".to_owned()), aliases: vec![] },
+            quantity: Quantity { unit: Some("s".to_owned()), ..Quantity::default() },
+            reads: ReadsByMode { in_steps: Some([].into()), in_initialization: Some([].into()) },
             ..Self::default()
         }
     }
@@ -241,7 +269,7 @@ impl Scalar {
     /// values.
     pub(crate) fn unknown_in_initialization(&self) -> bool {
         !self.known_in_initialization()
-            && self.clocks.is_empty()
+            && self.clocked.clocks.is_empty()
             && (matches!(self.place, Place::Outputs | Place::States | Place::Derivatives)
                 || self.place == Place::Clocks && self.causality == Causality::Output
                 || self.causality == Causality::CalculatedParameter)
@@ -249,7 +277,9 @@ impl Scalar {
 
     /// Whether the scalar is an unknown between steps.
     pub(crate) fn unknown_in_steps(&self) -> bool {
-        self.causality == Causality::Output || self.place == Place::Derivatives || self.previous.is_some()
+        self.causality == Causality::Output
+            || self.place == Place::Derivatives
+            || self.clocked.previous.is_some()
     }
 
     /// Whether the scalar is an unknown that no list of `ModelStructure` needs: in initialization, an output with an
@@ -265,7 +295,7 @@ impl<'a> Model<'a> {
     /// The first variable whose name is not of the convention `structured`, if any: then all are `flat`.
     pub(crate) fn flat_name(&self) -> Option<&str> {
         let names = self.scalars.iter().flat_map(|scalar| {
-            [&scalar.name].into_iter().chain(scalar.aliases.iter().map(|alias| &alias.name))
+            [&scalar.name].into_iter().chain(scalar.texts.aliases.iter().map(|alias| &alias.name))
         });
         names.map(String::as_str).find(|name| !is_structured(name))
     }

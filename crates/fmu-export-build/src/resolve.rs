@@ -85,9 +85,9 @@ impl<'a> Flat<'a> {
                 let scalar = &mut self.scalars[position];
                 let of_element =
                     |reads: &Option<Vec<Rc<[usize]>>>| reads.as_ref().map(|reads| Rc::clone(&reads[element]));
-                scalar.initial_reads = of_element(&initial_reads).or_else(|| of_element(&reads));
+                scalar.reads.in_initialization = of_element(&initial_reads).or_else(|| of_element(&reads));
                 if scalar.place != Place::States {
-                    scalar.reads = of_element(&reads);
+                    scalar.reads.in_steps = of_element(&reads);
                 }
             }
         }
@@ -126,8 +126,8 @@ impl<'a> Flat<'a> {
         }
         for (position, clock) in clocked {
             let scalar = &mut self.scalars[position];
-            scalar.clocks.push(clock);
-            if let Some(reads) = scalar.reads.as_mut().filter(|reads| !reads.contains(&clock)) {
+            scalar.clocked.clocks.push(clock);
+            if let Some(reads) = scalar.reads.in_steps.as_mut().filter(|reads| !reads.contains(&clock)) {
                 *reads = reads.iter().copied().chain([clock]).collect();
             }
         }
@@ -167,8 +167,8 @@ impl<'a> Flat<'a> {
             self.refusals.add(format!("{}.previous", first.key), format!("{}: {reason}", first.name));
         }
         for (previous, state) in found {
-            self.scalars[state].previous = Some(previous);
-            self.scalars[previous].is_previous = true;
+            self.scalars[state].clocked.previous = Some(previous);
+            self.scalars[previous].clocked.is_previous = true;
         }
     }
 
@@ -177,7 +177,12 @@ impl<'a> Flat<'a> {
         let mut used: Vec<Unit> = Vec::new();
         let mut places = BTreeMap::new();
         let of_variables = self.scalars.iter().map(|scalar| {
-            (scalar.key.clone(), &scalar.name, scalar.unit.as_deref(), scalar.display_unit.as_deref())
+            (
+                scalar.key.clone(),
+                &scalar.name,
+                scalar.quantity.unit.as_deref(),
+                scalar.quantity.display_unit.as_deref(),
+            )
         });
         let of_types = self.declaration.real_types.iter().enumerate().map(|(number, known)| {
             let key = format!("real_types[{number}]");

@@ -27,7 +27,7 @@ use crate::logger::Logger;
 use crate::model::Model;
 use crate::panics::contain;
 use crate::saved_states;
-use crate::variables::Variables;
+use crate::variables::Described as _;
 
 use arguments::{c_string, check_count, elements, not_null, write_elements};
 

@@ -10,7 +10,7 @@ use crate::description::{Causality, DataType, Dependencies, Name, ValueReference
 use crate::model::{Fmu, Model};
 use crate::panics;
 use crate::resources::Resources;
-use crate::variables::Variables;
+use crate::variables::{Accessed as _, Described as _, Numbered as _};
 
 /// The number of points at which derivatives are evaluated.
 const POINTS: usize = 20;

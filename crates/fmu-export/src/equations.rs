@@ -6,7 +6,7 @@ use fmu_solve::persistence::Persistent;
 use fmu_solve::{Dual, Error, Event, Integration, Number};
 
 use crate::context::Context;
-use crate::variables::Variables;
+use crate::variables::{Numbered, Variables};
 
 /// A model of ordinary differential equations, optionally with events.
 ///
@@ -33,7 +33,7 @@ use crate::variables::Variables;
 )]
 pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
-    type Variables: Variables<Of<f64> = Self::Variables>;
+    type Variables: Variables;
 
     /// The longest communication step in seconds, as in [`Stepper`](crate::Stepper).
     const LONGEST_STEP: f64 = f64::MAX;
@@ -81,8 +81,8 @@ pub trait Equations: Clone + Default + Persistent + Send + Sync + 'static {
     /// fields.
     fn calculate_parameters<T: Number>(
         &self,
-        parameters: &<Self::Variables as Variables>::Parameters<T>,
-        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<T>,
+        parameters: &<Self::Variables as Numbered>::Parameters<T>,
+        calculated: &mut <Self::Variables as Numbered>::CalculatedParameters<T>,
     ) {
         let _ = (parameters, calculated);
     }
@@ -163,10 +163,10 @@ pub trait Multirate: Equations {
 }
 
 /// The variables of a model of equations over a number type.
-pub type VariablesOf<E, T> = <<E as Equations>::Variables as Variables>::Of<T>;
+pub type VariablesOf<E, T> = <<E as Equations>::Variables as Numbered>::Of<T>;
 
 /// What the equations of a model read and compute, for a number type.
-pub type EvaluationOf<'a, E, T> = <<E as Equations>::Variables as Variables>::Evaluation<'a, T>;
+pub type EvaluationOf<'a, E, T> = <<E as Equations>::Variables as Numbered>::Evaluation<'a, T>;
 
 /// Calculates what follows from the parameters of a model only.
 pub(crate) fn calculate_parameters<E: Equations, T: Number>(

@@ -32,7 +32,7 @@ use crate::logger::{Delivery, Logger};
 use crate::model::Model;
 use crate::panics::{contain, with_cause};
 use crate::resources::Resources;
-use crate::variables::Variables;
+use crate::variables::{Described as _, Variables};
 
 use memory::Memory;
 

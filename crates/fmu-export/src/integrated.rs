@@ -21,7 +21,7 @@ use crate::description::{Causality, DataType};
 use crate::equations::{Equations, calculate_parameters, evaluate_values};
 use crate::inputs::{InputSignal, Inputs as _};
 use crate::model::{Fmu, InputsOf, Model, Serves, Step};
-use crate::variables::Variables;
+use crate::variables::{Accessed, Described as _, Numbered};
 
 /// From where a communication step can be integrated again, and where a failed one is left: its start, or the last event
 /// in it.
@@ -68,7 +68,7 @@ pub struct Integrated<E: Equations, I = Integrator> {
     /// The number of events after which tests have checked the evaluation.
     audited: u32,
     /// The time in s and the inputs of the last evaluation, if the variables are still its results.
-    evaluated: Option<(f64, <E::Variables as Variables>::Inputs)>,
+    evaluated: Option<(f64, <E::Variables as Accessed>::Inputs)>,
 }
 
 impl<E: Equations, I: Integrate<E>> Clone for Integrated<E, I> {
@@ -201,8 +201,8 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
 
     fn calculate_parameters(
         &self,
-        parameters: &<Self::Variables as Variables>::Parameters<f64>,
-        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+        parameters: &<Self::Variables as Numbered>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Numbered>::CalculatedParameters<f64>,
     ) {
         self.equations.calculate_parameters(parameters, calculated);
     }

@@ -83,7 +83,7 @@ pub use simulation::Simulation;
 #[doc(hidden)]
 pub use stepper::Stepped;
 pub use stepper::Stepper;
-pub use variables::Variables;
+pub use variables::{Accessed, Described, Numbered, Variables};
 
 /// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, with its items in scope, and the FMI functions for a

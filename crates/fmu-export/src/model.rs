@@ -11,14 +11,14 @@ use fmu_solve::{Dual, Error, Event, Events, Stop, Stops, Tape};
 use crate::context::Context;
 use crate::description::ModelDescription;
 use crate::inputs::InputSignal;
-use crate::variables::Variables;
+use crate::variables::{Accessed, Described as _, Numbered, Variables};
 
 /// A model of any kind.
 ///
 /// The inputs in its variables are those that it computes with: within their bounds, and at the time of the call.
 pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
-    type Variables: Variables<Of<f64> = Self::Variables>;
+    type Variables: Variables;
 
     /// What the runtime can do with the model beside co-simulation.
     const SERVES: Serves = Serves::CO_SIMULATION;
@@ -52,8 +52,8 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// computed.
     fn calculate_parameters(
         &self,
-        parameters: &<Self::Variables as Variables>::Parameters<f64>,
-        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+        parameters: &<Self::Variables as Numbered>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Numbered>::CalculatedParameters<f64>,
     );
 
     /// Receives the parameters after [`Model::calculate_parameters`].
@@ -282,7 +282,7 @@ pub(crate) fn calculate_parameters<M: Model>(model: &M, variables: &mut M::Varia
 }
 
 /// The inputs of a model.
-pub type InputsOf<M> = <<M as Model>::Variables as Variables>::Inputs;
+pub type InputsOf<M> = <<M as Model>::Variables as Accessed>::Inputs;
 
 /// One communication step from [`Step::start`] to [`Step::end`]. The inputs in the model's variables are those at its
 /// start; [`InputSignal::move_to`] moves them to another time in it.

@@ -15,7 +15,7 @@ use crate::clock::Clock;
 use crate::context::Context;
 use crate::description::Version;
 use crate::model::{Fmu, InputsOf, Model, Serves, Step, calculate_parameters};
-use crate::variables::Variables;
+use crate::variables::{Accessed as _, Described as _, Numbered, Variables};
 
 /// The most samples in one step, which must end: a day at 100 Hz has 8.64 million.
 const MOST_SAMPLES: f64 = 1e7;
@@ -31,7 +31,7 @@ const MOST_SAMPLES: f64 = 1e7;
 )]
 pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
-    type Variables: Variables<Of<f64> = Self::Variables>;
+    type Variables: Variables;
 
     /// The longest communication step in s, as in [`Stepper::LONGEST_STEP`](crate::Stepper::LONGEST_STEP).
     const LONGEST_STEP: f64 = f64::MAX;
@@ -63,8 +63,8 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     /// tunable parameters.
     fn calculate_parameters(
         &self,
-        parameters: &<Self::Variables as Variables>::Parameters<f64>,
-        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+        parameters: &<Self::Variables as Numbered>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Numbered>::CalculatedParameters<f64>,
     ) {
         let _ = (parameters, calculated);
     }
@@ -316,8 +316,8 @@ impl<S: Sampled> Model for SampledModel<S> {
 
     fn calculate_parameters(
         &self,
-        parameters: &<Self::Variables as Variables>::Parameters<f64>,
-        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+        parameters: &<Self::Variables as Numbered>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Numbered>::CalculatedParameters<f64>,
     ) {
         self.sampled.calculate_parameters(parameters, calculated);
     }

@@ -8,7 +8,7 @@ use crate::context::{Context, Experiment, Log, Timed};
 use crate::inputs::InputSignal;
 use crate::model::{Fmu, InputsOf, Model, Step, calculate_parameters};
 use crate::resources::Resources;
-use crate::variables::Variables;
+use crate::variables::{Accessed as _, Numbered as _};
 
 /// A model with its variables and messages, and the resources of its package. Unlike in an FMU, values are not checked.
 ///

@@ -5,7 +5,7 @@ use fmu_solve::{Dual, Error, Tape};
 
 use crate::context::Context;
 use crate::model::{Fmu, InputsOf, Model, Step};
-use crate::variables::Variables;
+use crate::variables::{Accessed, Numbered, Variables};
 
 /// A model that steps itself, for co-simulation.
 ///
@@ -21,7 +21,7 @@ use crate::variables::Variables;
 )]
 pub trait Stepper: Clone + Default + Persistent + Send + Sync + 'static {
     /// The model's variables, generated from its JSON.
-    type Variables: Variables<Of<f64> = Self::Variables>;
+    type Variables: Variables;
 
     /// The longest communication step in seconds. Longer ones are rejected; otherwise a mistyped step would block its
     /// importer forever.
@@ -66,7 +66,7 @@ pub trait Stepper: Clone + Default + Persistent + Send + Sync + 'static {
     fn step(
         &mut self,
         variables: &mut Self::Variables,
-        step: &Step<'_, <Self::Variables as Variables>::Inputs>,
+        step: &Step<'_, <Self::Variables as Accessed>::Inputs>,
         context: &mut Context<'_>,
     ) -> Result<(), Error>;
 
@@ -80,8 +80,8 @@ pub trait Stepper: Clone + Default + Persistent + Send + Sync + 'static {
     /// calculates them itself.
     fn calculate_parameters(
         &self,
-        parameters: &<Self::Variables as Variables>::Parameters<f64>,
-        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+        parameters: &<Self::Variables as Numbered>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Numbered>::CalculatedParameters<f64>,
     ) {
         let _ = (parameters, calculated);
     }
@@ -199,8 +199,8 @@ impl<S: Stepper> Model for Stepped<S> {
 
     fn calculate_parameters(
         &self,
-        parameters: &<Self::Variables as Variables>::Parameters<f64>,
-        calculated: &mut <Self::Variables as Variables>::CalculatedParameters<f64>,
+        parameters: &<Self::Variables as Numbered>::Parameters<f64>,
+        calculated: &mut <Self::Variables as Numbered>::CalculatedParameters<f64>,
     ) {
         self.stepper.calculate_parameters(parameters, calculated);
     }

@@ -120,7 +120,9 @@ fn calculated_parameters(model: &Model<'_>, refusals: &mut Refusals) {
     let is_calculated = |scalar: &&Scalar| scalar.place == Place::CalculatedParameters;
     let of_parameter = |scalar: &Scalar| scalar.place == Place::Parameters || is_calculated(&scalar);
     for scalar in scalars.iter().filter(is_calculated) {
-        for (list, reads) in [("reads", &scalar.reads), ("initial_reads", &scalar.initial_reads)] {
+        for (list, reads) in
+            [("reads", &scalar.reads.in_steps), ("initial_reads", &scalar.reads.in_initialization)]
+        {
             let read = reads
                 .iter()
                 .flat_map(|reads| reads.iter())

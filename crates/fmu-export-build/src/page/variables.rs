@@ -182,7 +182,11 @@ impl<'m, 'a> Page<'m, 'a> {
             let name = derivative(&name);
             let _ = write!(text, "<span id=\"{name}\">{}</span>", code(&format!("{name}{dimensions}")));
             let _ = write!(reference, "<span>{}</span>", self.references(field, 1));
-            let _ = write!(unit, "<span>{}</span>", unit_markup(rate.unit.as_deref().unwrap_or_default()));
+            let _ = write!(
+                unit,
+                "<span>{}</span>",
+                unit_markup(rate.quantity.unit.as_deref().unwrap_or_default())
+            );
             let derived = declared.description.as_deref().unwrap_or("time derivative");
             let _ = write!(description, "<span>{}</span>", self.prose(derived));
         }
@@ -306,11 +310,11 @@ impl<'m, 'a> Page<'m, 'a> {
     fn displayed(&self, field: &Field<'_>) -> Option<String> {
         let variable = &self.model.scalars[field.positions[0]];
         let [_] = field.positions[..] else { return None };
-        let wanted = variable.display_unit.as_ref()?;
+        let wanted = variable.quantity.display_unit.as_ref()?;
         let Some(Start::Real(start)) = variable.start else { return None };
-        let unit = self.units.get(variable.unit.as_deref()?)?;
+        let unit = self.units.get(variable.quantity.unit.as_deref()?)?;
         let display = unit.display_units.iter().find(|display| display.name == *wanted)?;
-        let offset = if variable.relative_quantity { 0.0 } else { display.offset };
+        let offset = if variable.quantity.is_relative { 0.0 } else { display.offset };
         // Conversion leaves errors of some 1e-16, which are not shown.
         let value = format!("{:.11e}", start * display.factor + offset).parse().ok()?;
         Some(format!("{} {}", unbroken(value), unit_markup(wanted)))

@@ -1,11 +1,9 @@
 //! Access by value reference: a getter and a setter for each type, and the clocks.
 
-use std::fmt::Write as _;
-
 use fmu_terms::{DataType, Initial, Variability};
 
 use super::generator::{Generator, enumeration_path, full_path};
-use crate::model::{Place, Scalar};
+use crate::model::Place;
 use crate::value_type::ValueType;
 
 impl Generator<'_, '_> {
@@ -21,45 +19,14 @@ impl Generator<'_, '_> {
             ("binary", "&[u8]", "&[]"),
         ];
         let accessors = accessors.map(|(name, value_type, default)| {
-            let (getters, setters) = self.arms(name);
+            let accesses = self.accesses(name);
             // Types of FMI 3.0 only have defaults in the trait.
-            if getters.is_empty() && matches!(name, "float32" | "whole" | "binary") {
+            if accesses.is_empty() && matches!(name, "float32" | "whole" | "binary") {
                 return String::new();
             }
-            // Importers get many Reals at once, for which a call each would cost a third more. Without `black_box`, the addresses
-            // of all variables would be computed before the loop.
-            let copies = if name == "real" {
-                // Event indicators are computed, not copied.
-                let others = [(Place::Time, "time"), (Place::EventIndicators, "0.0")];
-                let others = others.iter().flat_map(|&(place, value)| {
-                    let references =
-                        self.in_place(place).map(|variable| self.first(variable).value_reference);
-                    references.map(move |reference| format!("                {reference} => {value},\n"))
-                });
-                let others = others.collect::<String>();
-                format!(
-                    "
-    fn copy_reals(&self, time: f64, references: &[fmi::ValueReference], values: &mut [f64]) -> bool {{
-        let mut are_finite = true;
-        for (value, &reference) in values.iter_mut().zip(references) {{
-            let variables = ::core::hint::black_box(self);
-            let number = match reference {{
-{others}{}                _ => f64::NAN,
-            }};
-            if number.is_finite() {{
-                *value = number;
-            }} else {{
-                are_finite = false;
-            }}
-        }}
-        are_finite
-    }}
-",
-                    getters.replace("            ", "                ").replace("self.", "variables.")
-                )
-            } else {
-                String::new()
-            };
+            let getters: String = accesses.iter().map(|access| access.getter("self", 12)).collect();
+            let setters: String = accesses.iter().filter_map(Access::setter).collect();
+            let copies = if name == "real" { self.copies(&accesses) } else { String::new() };
             format!(
                 "
     fn {name}(&self, reference: fmi::ValueReference) -> {value_type} {{
@@ -80,53 +47,75 @@ impl Generator<'_, '_> {
         accessors.concat()
     }
 
-    /// A type's getter and setter arms.
-    fn arms(&self, accessor: &str) -> (String, String) {
-        let (mut getters, mut setters) = (String::new(), String::new());
-        let is_of_type = |scalar: &Scalar| {
+    /// The getter of many Reals at once, which importers use and for which a call each would cost a third more. Without
+    /// `black_box`, the addresses of all variables would be computed before the loop.
+    fn copies(&self, reals: &[Access]) -> String {
+        // Event indicators are computed, not copied.
+        let others = [(Place::Time, "time"), (Place::EventIndicators, "0.0")];
+        let others = others.iter().flat_map(|&(place, value)| {
+            let references = self.in_place(place).map(|variable| self.first(variable).value_reference);
+            references.map(move |reference| format!("                {reference} => {value},\n"))
+        });
+        let others = others.collect::<String>();
+        let getters: String = reals.iter().map(|access| access.getter("variables", 16)).collect();
+        format!(
+            "
+    fn copy_reals(&self, time: f64, references: &[fmi::ValueReference], values: &mut [f64]) -> bool {{
+        let mut are_finite = true;
+        for (value, &reference) in values.iter_mut().zip(references) {{
+            let variables = ::core::hint::black_box(self);
+            let number = match reference {{
+{others}{getters}                _ => f64::NAN,
+            }};
+            if number.is_finite() {{
+                *value = number;
+            }} else {{
+                are_finite = false;
+            }}
+        }}
+        are_finite
+    }}
+"
+        )
+    }
+
+    /// How the variables of an accessor's types are got and set.
+    fn accesses(&self, accessor: &str) -> Vec<Access> {
+        let of_type = self.variables.iter().filter(|variable| {
+            let scalar = self.first(variable);
             !matches!(scalar.place, Place::Time | Place::EventIndicators)
                 && accessor_of(scalar.data_type) == Some(accessor)
-        };
-        for variable in &self.variables {
-            let scalar = self.first(variable);
-            if !is_of_type(scalar) {
-                continue;
-            }
-            let ((pattern, from), (_, to)) = (self.pattern(variable, false), self.pattern(variable, true));
-            let place = scalar.place.field_name();
-            let from = format!("{place}.{from}");
-            let to = match scalar.place {
-                Place::States => Some(format!("start.{to}")),
-                Place::Parameters | Place::Inputs => Some(format!("{place}.{to}")),
-                _ if scalar.variability == Variability::Constant => None,
-                _ if scalar.initial == Some(Initial::Exact) => Some(format!("{place}.{to}")),
-                _ => None,
-            };
-            let if_let = |pattern: &str, to: &str| {
-                format!(
-                    "{{\n                if let {pattern} {{\n                    self.{to};\n                }}\n            }}"
-                )
-            };
-            let (get, set): (_, &dyn Fn(String) -> String) = match (accessor, scalar.data_type) {
-                (_, ValueType::Enumeration(enumeration)) => {
-                    let name = enumeration_path(&self.model.declaration.enumerations[enumeration]);
-                    let item = format!("Some(item) = {name}::from_value(value)");
-                    (format!("self.{from} as i32"), &move |to| if_let(&item, &format!("{to} = item")))
+        });
+        of_type
+            .map(|variable| {
+                let scalar = self.first(variable);
+                let ((pattern, from), (_, to)) =
+                    (self.pattern(variable, false), self.pattern(variable, true));
+                let place = scalar.place.field_name();
+                let is_set = match scalar.place {
+                    Place::States | Place::Parameters | Place::Inputs => true,
+                    _ => {
+                        scalar.variability != Variability::Constant && scalar.initial == Some(Initial::Exact)
+                    }
+                };
+                // The start value of a state is set.
+                let target = if scalar.place == Place::States { "start" } else { place };
+                let conversion = match (accessor, scalar.data_type) {
+                    (_, ValueType::Enumeration(enumeration)) => Conversion::Enumeration(enumeration_path(
+                        &self.model.declaration.enumerations[enumeration],
+                    )),
+                    ("whole", _) => Conversion::Whole,
+                    ("string" | "binary", _) => Conversion::Owned,
+                    _ => Conversion::None,
+                };
+                Access {
+                    pattern,
+                    from: format!("{place}.{from}"),
+                    to: is_set.then(|| format!("{target}.{to}")),
+                    conversion,
                 }
-                ("whole", _) => (format!("self.{from}.into()"), &|to| {
-                    if_let("Ok(value) = value.try_into()", &format!("{to} = value"))
-                }),
-                ("string" | "binary", _) => {
-                    (format!("&self.{from}"), &|to| format!("value.clone_into(&mut self.{to}),"))
-                }
-                _ => (format!("self.{from}"), &|to| format!("self.{to} = value,")),
-            };
-            let _ = writeln!(getters, "            {pattern} => {get},");
-            if let Some(to) = to {
-                let _ = writeln!(setters, "            {pattern} => {}", set(to));
-            }
-        }
-        (getters, setters)
+            })
+            .collect()
     }
 
     /// The clocks by position.
@@ -159,6 +148,62 @@ impl Generator<'_, '_> {
             arms("&"),
             arms("&mut "),
         )
+    }
+}
+
+/// How a variable is got and set.
+struct Access {
+    /// The value references.
+    pattern: String,
+    /// The field in the variables.
+    from: String,
+    /// The field that is set, if the variable may be.
+    to: Option<String>,
+    conversion: Conversion,
+}
+
+/// What lies between a field and the value that is exchanged.
+enum Conversion {
+    None,
+    /// Items of the enumeration with a path.
+    Enumeration(String),
+    /// Integers of another size.
+    Whole,
+    /// Strings and bytes, which are lent.
+    Owned,
+}
+
+impl Access {
+    /// The getter's arm, indented: from variables of a name.
+    fn getter(&self, variables: &str, indent: usize) -> String {
+        let Self { pattern, from, conversion, .. } = self;
+        let (before, after) = match conversion {
+            Conversion::None => ("", ""),
+            Conversion::Enumeration(_) => ("", " as i32"),
+            Conversion::Whole => ("", ".into()"),
+            Conversion::Owned => ("&", ""),
+        };
+        format!("{:indent$}{pattern} => {before}{variables}.{from}{after},\n", "")
+    }
+
+    /// The setter's arm.
+    fn setter(&self) -> Option<String> {
+        let Self { pattern, conversion, .. } = self;
+        let to = self.to.as_ref()?;
+        let set_if = |found: &str, value: &str| {
+            format!(
+                "{{\n                if let {found} {{\n                    self.{to} = {value};\n                }}\n            }}"
+            )
+        };
+        let set = match conversion {
+            Conversion::None => format!("self.{to} = value,"),
+            Conversion::Enumeration(path) => {
+                set_if(&format!("Some(item) = {path}::from_value(value)"), "item")
+            }
+            Conversion::Whole => set_if("Ok(value) = value.try_into()", "value"),
+            Conversion::Owned => format!("value.clone_into(&mut self.{to}),"),
+        };
+        Some(format!("            {pattern} => {set}\n"))
     }
 }
 

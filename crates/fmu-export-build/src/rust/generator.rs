@@ -270,7 +270,7 @@ impl<'m, 'a> Generator<'m, 'a> {
                 (bound(values().reduce(f64::min), "0.0"), bound(values().reduce(f64::max), "0.0"))
             }
             ValueType::Standard(_) => {
-                (bound(scalar.min, "f64::NEG_INFINITY"), bound(scalar.max, "f64::INFINITY"))
+                (bound(scalar.quantity.min, "f64::NEG_INFINITY"), bound(scalar.quantity.max, "f64::INFINITY"))
             }
         }
     }

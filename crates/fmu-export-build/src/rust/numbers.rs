@@ -4,7 +4,7 @@ use super::generator::Generator;
 use crate::model::Place;
 
 impl Generator<'_, '_> {
-    /// The variables over other number types, and their states.
+    /// The variables over other number types, and their states by position.
     pub(super) fn numbers(&self) -> String {
         // Without Reals the variables are the same over all number types.
         let [of, other, number, combined, collected] = if self.has_reals() {
@@ -14,11 +14,12 @@ impl Generator<'_, '_> {
         } else {
             ["Self", "_other", "_number", "self.clone()", "numbers.clone()"].map(str::to_owned)
         };
+        let parameters = self.types_of_parameters();
         let of = format!(
             "
     type Of<T: ::fmu_export::Number> = {of};
     type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a, T>;
-
+{parameters}
     fn combined<T: ::fmu_export::Number>(&self, {other}: &Self, {number}: impl FnMut(f64, f64) -> T) -> {of} {{
         {combined}
     }}
@@ -73,37 +74,45 @@ impl Generator<'_, '_> {
     }}
 "
         );
-        [&of, &evaluation, &each("each_state", "states"), &each("each_derivative", "derivatives"), set]
-            .concat()
+        let calculation = self.calculation_of_parameters();
+        let [states, derivatives] = [("each_state", "states"), ("each_derivative", "derivatives")]
+            .map(|(name, place)| each(name, place));
+        [&of, &evaluation, &states, &derivatives, set, calculation].concat()
     }
 
-    /// The types of what calculates parameters, and access to both, if there are calculated ones.
-    pub(super) fn calculated_parameters(&self) -> String {
-        let type_of = |place: Place| {
-            let generic = if self.is_real(place) { "<T>" } else { "" };
-            format!("{}{generic}", place.type_name())
-        };
-        let parameters =
-            format!("    type Parameters<T: ::fmu_export::Number> = {};\n", type_of(Place::Parameters));
-        let place = Place::CalculatedParameters;
-        if !self.has(place) {
-            return format!("\n{parameters}    type CalculatedParameters<T: ::fmu_export::Number> = ();\n");
-        }
-        format!(
-            "
-{parameters}    type CalculatedParameters<T: ::fmu_export::Number> = {};
-    const HAS_CALCULATED_PARAMETERS: bool = true;
+    /// Whether there are calculated parameters, for the description.
+    pub(super) fn has_calculated_parameters(&self) -> String {
+        format!("    const HAS_CALCULATED_PARAMETERS: bool = {};\n", self.has(Place::CalculatedParameters))
+    }
 
+    /// The types of what calculates parameters.
+    fn types_of_parameters(&self) -> String {
+        let type_of = |place: Place| match (self.has(place), self.is_real(place)) {
+            (false, _) if place == Place::CalculatedParameters => "()".to_owned(),
+            (_, is_real) => format!("{}{}", place.type_name(), if is_real { "<T>" } else { "" }),
+        };
+        format!(
+            "    type Parameters<T: ::fmu_export::Number> = {};
+    type CalculatedParameters<T: ::fmu_export::Number> = {};
+",
+            type_of(Place::Parameters),
+            type_of(Place::CalculatedParameters)
+        )
+    }
+
+    /// The call of what calculates parameters, if there are calculated ones.
+    fn calculation_of_parameters(&self) -> &'static str {
+        if !self.has(Place::CalculatedParameters) {
+            return "";
+        }
+        "
     fn calculate_parameters<T: ::fmu_export::Number>(
         variables: &mut Self::Of<T>,
         calculate: impl FnOnce(&Self::Parameters<T>, &mut Self::CalculatedParameters<T>),
-    ) {{
+    ) {
         calculate(&variables.parameters, &mut variables.calculated_parameters);
-    }}
-{}",
-            type_of(place),
-            self.marks("mark_calculated_parameters", |scalar| scalar.place == Place::CalculatedParameters),
-        )
+    }
+"
     }
 
     /// The calculated parameters in a pattern, if there are any.

@@ -33,11 +33,15 @@ impl Generator<'_, '_> {
             let members = Members { fields: Vec::new(), components };
             let scalar = |field: &Field<'_>| &self.model.scalars[field.positions[0]];
             let nominal = |field: &Field<'_>| {
-                let nominal = format!("{:?}", scalar(field).nominal.unwrap_or(1.0));
+                let nominal = format!("{:?}", scalar(field).quantity.nominal.unwrap_or(1.0));
                 filled(&field.declaration.sizes, &nominal, true)
             };
             let min = |field: &Field<'_>| {
-                filled(&field.declaration.sizes, &bound(scalar(field).min, "f64::NEG_INFINITY"), true)
+                filled(
+                    &field.declaration.sizes,
+                    &bound(scalar(field).quantity.min, "f64::NEG_INFINITY"),
+                    true,
+                )
             };
             let constants = format!(
                 "

@@ -31,7 +31,7 @@ impl Generator<'_, '_> {
         }
         for variable in self.by_value_reference() {
             let scalar = self.first(variable);
-            let of: Vec<_> = scalar.clocks.iter().map(reference).collect();
+            let of: Vec<_> = scalar.clocked.clocks.iter().map(reference).collect();
             if !of.is_empty() {
                 let _ = writeln!(clocked, "        ({}, &{of:?}),", scalar.value_reference);
             }
@@ -61,19 +61,21 @@ impl Generator<'_, '_> {
 
     /// The states' nominal values.
     pub(super) fn nominals(&self) -> String {
-        let nominal = |state: &Variable<'_>| format!("{:?}", self.first(state).nominal.unwrap_or(1.0));
+        let nominal =
+            |state: &Variable<'_>| format!("{:?}", self.first(state).quantity.nominal.unwrap_or(1.0));
         repeated("f64", self.in_place(Place::States).map(|state| (state, nominal(state))))
     }
 
     /// The state bounds beyond which the equations are invalid, if any.
     pub(super) fn strict_states(&self) -> String {
         let states = self.numbered_states().map(|(first, variable)| (first, variable, self.first(variable)));
-        let strict =
-            states.filter(|(_, _, state)| state.strict != [false; 2]).map(|(first, variable, state)| {
-                let min = bound(state.min.filter(|_| state.strict[0]), "f64::NEG_INFINITY");
-                let max = bound(state.max.filter(|_| state.strict[1]), "f64::INFINITY");
+        let strict = states.filter(|(_, _, state)| state.dynamics.strict != [false; 2]).map(
+            |(first, variable, state)| {
+                let min = bound(state.quantity.min.filter(|_| state.dynamics.strict[0]), "f64::NEG_INFINITY");
+                let max = bound(state.quantity.max.filter(|_| state.dynamics.strict[1]), "f64::INFINITY");
                 format!("({first}..{}, {min}, {max})", first + variable.positions.len())
-            });
+            },
+        );
         let strict = strict.collect::<Vec<_>>().join(", ");
         if strict.is_empty() {
             return strict;

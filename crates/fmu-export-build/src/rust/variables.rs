@@ -1,4 +1,4 @@
-//! All variables of a model: what the runtime sees of them, through the trait `Variables`.
+//! All variables of a model: what the runtime sees of them, through the traits `Described`, `Accessed` and `Numbered`.
 
 use std::path::Path;
 
@@ -17,25 +17,29 @@ impl Generator<'_, '_> {
             self.event_indicators(),
             self.dependencies(),
             self.clock_tables(),
+            self.has_calculated_parameters(),
         ]
         .concat();
         let access = [
-            self.numbers(),
             self.accessors(),
             self.clocks(),
             self.marks("mark_calculated", is_evaluated),
+            self.marks("mark_calculated_parameters", |scalar| scalar.place == Place::CalculatedParameters),
             self.forgetting(),
-            self.calculated_parameters(),
+            self.first_non_finite(),
         ]
         .concat();
         format!(
             "
-impl ::fmu_export::Variables for Variables {{
-    type Inputs = Inputs;
+impl ::fmu_export::Described for Variables {{
     const DESCRIPTION: &'static fmi::ModelDescription = &DESCRIPTION;
     const MODEL_DESCRIPTION_XML: &'static str = include_str!(\"modelDescription.xml\");
     const STATE_NOMINALS: &'static [f64] = {nominals};
-{resources}{tables}
+{resources}{tables}}}
+
+impl ::fmu_export::Accessed for Variables {{
+    type Inputs = Inputs;
+
     fn inputs(&self) -> &Inputs {{
         &self.inputs
     }}
@@ -47,7 +51,7 @@ impl ::fmu_export::Variables for Variables {{
     fn has_parameters_of(&self, other: &Self) -> bool {{
         self.parameters == other.parameters
     }}
-{access}
+
     fn states_from_start(&mut self) {{
         self.states.clone_from(&self.start);
     }}
@@ -55,11 +59,13 @@ impl ::fmu_export::Variables for Variables {{
     fn swap_states_and_start(&mut self) {{
         ::core::mem::swap(&mut self.states, &mut self.start);
     }}
-{zero}{first_non_finite}}}
+{access}}}
+
+impl ::fmu_export::Numbered for Variables {{{numbers}{zero}}}
 ",
             nominals = self.nominals(),
+            numbers = self.numbers(),
             zero = self.zero(),
-            first_non_finite = self.first_non_finite(),
         )
     }
 

@@ -81,7 +81,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         for (position, scalar) in self.model.scalars.iter().enumerate() {
             let is_constant = scalar.variability == Variability::Constant;
             let start = scalar.start.as_ref().filter(|_| is_constant).map(ToString::to_string);
-            for alias in &scalar.aliases {
+            for alias in &scalar.texts.aliases {
                 let common = given([
                     ("name", Some(alias.name.clone())),
                     ("valueReference", Some(scalar.value_reference.to_string())),
@@ -122,14 +122,15 @@ impl<'m, 'a> Variables<'m, 'a> {
         };
         own.extend(given([
             ("start", numbers.map(|numbers| numbers.join(" "))),
-            ("derivative", scalar.state.map(|state| self.reference(state))),
+            ("derivative", scalar.dynamics.state.map(|state| self.reference(state))),
             ("intermediateUpdate", self.has_intermediate_update(scalar).then(|| true.to_string())),
-            ("clocks", Some(references(&scalar.clocks)).filter(|clocks| !clocks.is_empty())),
-            ("previous", scalar.previous.map(|previous| self.reference(previous))),
+            ("clocks", Some(references(&scalar.clocked.clocks)).filter(|clocks| !clocks.is_empty())),
+            ("previous", scalar.clocked.previous.map(|previous| self.reference(previous))),
             // The standard has it for Model Exchange only (FMI 2.0.5, section 2.2.7).
             (
                 "reinit",
-                (scalar.reinit && self.model.fmi.interfaces.model_exchange()).then(|| true.to_string()),
+                (scalar.dynamics.reinit && self.model.fmi.interfaces.model_exchange())
+                    .then(|| true.to_string()),
             ),
         ]));
         let name = scalar.data_type.data_type().name(self.version());
@@ -140,7 +141,7 @@ impl<'m, 'a> Variables<'m, 'a> {
         }
         let attributes = [common, own].concat();
         let texts = starts.filter(|_| has_texts).unwrap_or_default();
-        if array.is_none() && texts.is_empty() && scalar.aliases.is_empty() {
+        if array.is_none() && texts.is_empty() && scalar.texts.aliases.is_empty() {
             return empty(writer, name, attributes);
         }
         element(writer, name, attributes, |writer| {
@@ -154,7 +155,7 @@ impl<'m, 'a> Variables<'m, 'a> {
                 empty(writer, "Dimension", vec![attribute])?;
             }
             texts.into_iter().try_for_each(|text| empty(writer, "Start", vec![("value", text)]))?;
-            scalar.aliases.iter().try_for_each(|Alias { name, description }| {
+            scalar.texts.aliases.iter().try_for_each(|Alias { name, description }| {
                 let name = if array.is_some() { without_subscripts(name) } else { name.clone() };
                 empty(writer, "Alias", given([("name", Some(name)), ("description", description.clone())]))
             })
@@ -163,19 +164,19 @@ impl<'m, 'a> Variables<'m, 'a> {
 
     /// A variable's description; by default, that of an array of derivatives names the array of states.
     fn description(&self, scalar: &Scalar, is_array: bool) -> Option<String> {
-        let state = scalar.state.filter(|_| is_array).filter(|&state| {
+        let state = scalar.dynamics.state.filter(|_| is_array).filter(|&state| {
             let derivative = self.model.field(state).declaration.derivative.as_ref();
             derivative.is_some_and(|derivative| derivative.description.is_none())
         });
         state.map_or_else(
-            || scalar.description.clone(),
+            || scalar.texts.description.clone(),
             |state| Some(derivative_description(&without_subscripts(&self.model.scalars[state].name))),
         )
     }
 
     /// An array's sizes, from its first element's position; a derivative has its state's.
     fn dimensions(&self, position: usize) -> &'m [Dimension] {
-        let position = self.model.scalars[position].state.unwrap_or(position);
+        let position = self.model.scalars[position].dynamics.state.unwrap_or(position);
         &self.model.field(position).declaration.dimensions
     }
 
@@ -194,14 +195,14 @@ impl<'m, 'a> Variables<'m, 'a> {
                 // Of an integer the checks allow only integers, and `Display` prints them without a fraction.
                 let bound = |bound: f64| if data_type.is_float() { float(bound) } else { bound.to_string() };
                 let own = given([
-                    ("unit", scalar.unit.clone()),
-                    ("displayUnit", scalar.display_unit.clone()),
-                    ("relativeQuantity", scalar.relative_quantity.then(|| true.to_string())),
-                    ("min", scalar.min.map(bound)),
-                    ("max", scalar.max.map(bound)),
-                    ("nominal", scalar.nominal.map(float)),
+                    ("unit", scalar.quantity.unit.clone()),
+                    ("displayUnit", scalar.quantity.display_unit.clone()),
+                    ("relativeQuantity", scalar.quantity.is_relative.then(|| true.to_string())),
+                    ("min", scalar.quantity.min.map(bound)),
+                    ("max", scalar.quantity.max.map(bound)),
+                    ("nominal", scalar.quantity.nominal.map(float)),
                 ]);
-                let Some(known) = scalar.real_type else { return own };
+                let Some(known) = scalar.quantity.real_type else { return own };
                 let known = &self.model.declaration.real_types[known];
                 let inherited = real_type_attributes(known);
                 let own = own.into_iter().filter(|attribute| !inherited.contains(attribute));

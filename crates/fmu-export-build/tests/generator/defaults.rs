@@ -7,7 +7,9 @@ use std::ptr;
 
 use fmu_export::fmi2::c_api;
 use fmu_export::fmi2::c_types::{CO_SIMULATION, CallbackFunctions, Component, FALSE, Status};
-use fmu_export::{Context, Dual, Error, Step, Stepped, Stepper, Variables as _};
+use fmu_export::{
+    Accessed as _, Context, Described as _, Dual, Error, Numbered as _, Step, Stepped, Stepper,
+};
 use fmu_export_build::{Generated, Interfaces, Package, generate_into};
 
 use super::{folder, read, sources};

@@ -24,7 +24,7 @@ use crate::instance::{Answer, Instance};
 use crate::logger::{Logger, Recipient};
 use crate::model::Model;
 use crate::resources::Resources;
-use crate::variables::Variables;
+use crate::variables::Described as _;
 
 /// `fmi2GetTypesPlatform`.
 #[must_use]

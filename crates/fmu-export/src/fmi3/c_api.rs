@@ -19,7 +19,7 @@ use crate::context::Experiment;
 use crate::instance::Instance;
 use crate::instance::dependencies::DEPENDENT;
 use crate::model::Model;
-use crate::variables::Variables;
+use crate::variables::Described as _;
 
 pub use self::clocks::*;
 pub use self::exchange::*;

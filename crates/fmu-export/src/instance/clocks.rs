@@ -15,7 +15,7 @@ use crate::clock::{IntervalQualifier, check_time};
 use crate::context::{Context, Timed};
 use crate::description::{ClockDescription, DataType, IntervalVariability, Name, ValueReference};
 use crate::model::Model;
-use crate::variables::Variables;
+use crate::variables::{Accessed as _, Described as _};
 
 impl<M: Model> Instance<M> {
     /// The clock of a value reference, with its position among the clocks.

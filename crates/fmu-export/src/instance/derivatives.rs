@@ -12,7 +12,7 @@ use crate::description::{
     Causality, Roles, ScalarVariable, ValueReference, Variability, VariableDescription,
 };
 use crate::model::Model;
-use crate::variables::Variables;
+use crate::variables::{Accessed as _, Described as _, Numbered as _};
 
 impl<M: Model> Instance<M> {
     /// The directional derivatives of unknowns along a direction of knowns (section 2.1.9).

@@ -8,7 +8,7 @@ use fmu_terms::InstanceType;
 use super::{Answer, Instance, IntermediateCallback};
 use crate::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
 use crate::model::Model;
-use crate::variables::Variables;
+use crate::variables::Described as _;
 
 impl<M: Model> Instance<M> {
     /// A communication step, which may end at an event, or pause at the end of an internal step for an intermediate

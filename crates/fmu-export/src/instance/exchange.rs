@@ -15,7 +15,7 @@ use super::{Answer, Instance, check_finite};
 use crate::context::{Context, Timed};
 use crate::description::ValueReference;
 use crate::model::Model;
-use crate::variables::Variables;
+use crate::variables::{Described as _, Numbered as _};
 
 /// The outcome of an event: `fmi2EventInfo`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

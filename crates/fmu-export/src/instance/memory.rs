@@ -17,7 +17,7 @@ use crate::description::{ClockDescription, ValueReference};
 use crate::inputs::InputSignal;
 use crate::logger::RecentMessages;
 use crate::model::{InputsOf, Model, calculate_parameters};
-use crate::variables::Variables;
+use crate::variables::{Accessed as _, Described as _};
 
 /// The content of a saved state.
 #[derive(Clone)]

@@ -14,7 +14,7 @@ use crate::description::{
 };
 use crate::inputs::MAX_ORDER;
 use crate::model::Model;
-use crate::variables::Variables;
+use crate::variables::{Accessed as _, Described as _};
 
 /// How to set values of a type.
 struct Setter<V, T> {

@@ -11,7 +11,7 @@ use super::{Answer, Instance, check_finite};
 use crate::context::{Context, Timed};
 use crate::description::{Capabilities, Version};
 use crate::model::{InputsOf, Model, Step};
-use crate::variables::Variables as _;
+use crate::variables::Accessed as _;
 
 impl<M: Model> Instance<M> {
     /// Advances by one communication step.

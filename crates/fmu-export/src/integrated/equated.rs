@@ -10,7 +10,7 @@ use crate::equations::{Equations, Multirate, duals, evaluate, evaluate_values};
 use crate::inputs::InputSignal;
 use crate::model::Step;
 use crate::panics;
-use crate::variables::Variables;
+use crate::variables::{Accessed, Described as _, Numbered as _};
 
 /// Where variables were evaluated: so long after the step's start, and at which time, both in s.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +28,7 @@ impl Place {
 pub struct Equated<'a, E: Equations> {
     equations: &'a E,
     variables: &'a mut E::Variables,
-    inputs: &'a InputSignal<<E::Variables as Variables>::Inputs>,
+    inputs: &'a InputSignal<<E::Variables as Accessed>::Inputs>,
     /// The start of the step in s.
     start: f64,
     /// Where the variables were evaluated last.
@@ -39,7 +39,7 @@ impl<'a, E: Equations> Equated<'a, E> {
     pub(super) fn new(
         equations: &'a E,
         variables: &'a mut E::Variables,
-        step: &Step<'a, <E::Variables as Variables>::Inputs>,
+        step: &Step<'a, <E::Variables as Accessed>::Inputs>,
         place: &'a mut Place,
     ) -> Self {
         Self { equations, variables, inputs: step.inputs, start: step.start, place }

@@ -11,7 +11,7 @@ use crate::context::Context;
 use crate::equations::{Equations, evaluate_values};
 use crate::model::{InputsOf, Model as _, Step};
 use crate::panics;
-use crate::variables::Variables;
+use crate::variables::{Accessed, Described as _, Numbered as _};
 
 /// How many trials and events more a communication step may take for each time as long as the longest internal step.
 const TRIALS_A_LONGEST_STEP: f64 = 50.0;
@@ -103,7 +103,7 @@ impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
 struct Evolution<'a, 'c, E: Equations, I> {
     model: &'a mut Integrated<E, I>,
     variables: &'a mut E::Variables,
-    step: &'a Step<'a, <E::Variables as Variables>::Inputs>,
+    step: &'a Step<'a, <E::Variables as Accessed>::Inputs>,
     tolerance: f64,
     states: &'a mut [f64],
     context: &'a mut Context<'c>,

@@ -7,7 +7,7 @@ use fmu_solve::persistence::Persistent;
 
 use super::equated::Equated;
 use crate::equations::{Equations, Multirate};
-use crate::variables::Variables as _;
+use crate::variables::Described as _;
 
 /// An integrator of the model `E`.
 pub trait Integrate<E: Equations>: Clone + fmt::Debug + Persistent + Send + Sync + 'static {

@@ -202,8 +202,7 @@ impl ::fmu_export::Inputs for Inputs {
     }
 }
 
-impl ::fmu_export::Variables for Variables {
-    type Inputs = Inputs;
+impl ::fmu_export::Described for Variables {
     const DESCRIPTION: &'static fmi::ModelDescription = &DESCRIPTION;
     const MODEL_DESCRIPTION_XML: &'static str = include_str!("modelDescription.xml");
     const STATE_NOMINALS: &'static [f64] = &::fmu_export::typed::repeated::<f64, 4>(&[(1, 1.0), (1, 1.0), (2, 1.0)]);
@@ -214,6 +213,11 @@ impl ::fmu_export::Variables for Variables {
         fmi::Dependencies { unknown: 50, count: 1, stride: 1, knowns: &[fmi::Knowns { first: 100, count: 1, step: 1, stride: 0 }, fmi::Knowns { first: 3, count: 1, step: 1, stride: 0 }] },
     ];
     const DEPENDS_ON_TIME: bool = true;
+    const HAS_CALCULATED_PARAMETERS: bool = false;
+}
+
+impl ::fmu_export::Accessed for Variables {
+    type Inputs = Inputs;
 
     fn inputs(&self) -> &Inputs {
         &self.inputs
@@ -227,44 +231,12 @@ impl ::fmu_export::Variables for Variables {
         self.parameters == other.parameters
     }
 
-    type Of<T: ::fmu_export::Number> = Variables<T>;
-    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a, T>;
-
-    fn combined<T: ::fmu_export::Number>(&self, other: &Self, mut number: impl FnMut(f64, f64) -> T) -> Variables<T> {
-        self.combine(other, &mut number)
+    fn states_from_start(&mut self) {
+        self.states.clone_from(&self.start);
     }
 
-    fn collected<T: ::fmu_export::Number>(numbers: &Variables<T>, other: &Self, mut number: impl FnMut(T, f64) -> f64) -> Self {
-        numbers.combine(other, &mut number)
-    }
-
-    fn evaluation<'a, T: ::fmu_export::Number + 'a>(variables: &'a mut Self::Of<T>) -> Self::Evaluation<'a, T> {
-        let Variables { parameters, inputs, states, derivatives, locals, outputs, .. } = variables;
-        Evaluation { parameters, inputs, states, derivatives, locals, outputs }
-    }
-
-    fn each_state<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {
-        let mut state = 0;
-        variables.states.for_each(&mut |value| {
-            function(state, value);
-            state += 1;
-        });
-    }
-
-    fn each_derivative<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {
-        let mut state = 0;
-        variables.derivatives.for_each(&mut |value| {
-            function(state, value);
-            state += 1;
-        });
-    }
-
-    fn set_states<T: ::fmu_export::Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T) {
-        let mut position = 0;
-        variables.states.for_each_mut(&mut |value| {
-            *value = state(position);
-            position += 1;
-        });
+    fn swap_states_and_start(&mut self) {
+        ::core::mem::swap(&mut self.states, &mut self.start);
     }
 
     fn real(&self, reference: fmi::ValueReference) -> f64 {
@@ -391,34 +363,6 @@ impl ::fmu_export::Variables for Variables {
         ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite()
     }
 
-    type Parameters<T: ::fmu_export::Number> = Parameters<T>;
-    type CalculatedParameters<T: ::fmu_export::Number> = ();
-
-    fn states_from_start(&mut self) {
-        self.states.clone_from(&self.start);
-    }
-
-    fn swap_states_and_start(&mut self) {
-        ::core::mem::swap(&mut self.states, &mut self.start);
-    }
-
-    fn zero() -> Self {
-        let Self { parameters, inputs, states, locals, outputs, .. } = Self::default();
-        Self {
-            parameters: parameters.map(|_| 0.0),
-            inputs: inputs.map(|_| 0.0),
-            start: states.map(|_| 0.0),
-            states: states.map(|_| 0.0),
-            derivatives: states.map(|_| 0.0),
-            locals: locals,
-            outputs: outputs.map(|_| 0.0),
-        }
-    }
-
-    fn along_derivatives(&self) -> Self {
-        Self { start: self.derivatives.clone(), ..Self::zero() }
-    }
-
     fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {
         // Fast if their sum is finite.
         let sums: [f64; 4] = [
@@ -449,6 +393,67 @@ impl ::fmu_export::Variables for Variables {
             })
         }
         find(self)
+    }
+}
+
+impl ::fmu_export::Numbered for Variables {
+    type Of<T: ::fmu_export::Number> = Variables<T>;
+    type Evaluation<'a, T: ::fmu_export::Number + 'a> = Evaluation<'a, T>;
+    type Parameters<T: ::fmu_export::Number> = Parameters<T>;
+    type CalculatedParameters<T: ::fmu_export::Number> = ();
+
+    fn combined<T: ::fmu_export::Number>(&self, other: &Self, mut number: impl FnMut(f64, f64) -> T) -> Variables<T> {
+        self.combine(other, &mut number)
+    }
+
+    fn collected<T: ::fmu_export::Number>(numbers: &Variables<T>, other: &Self, mut number: impl FnMut(T, f64) -> f64) -> Self {
+        numbers.combine(other, &mut number)
+    }
+
+    fn evaluation<'a, T: ::fmu_export::Number + 'a>(variables: &'a mut Self::Of<T>) -> Self::Evaluation<'a, T> {
+        let Variables { parameters, inputs, states, derivatives, locals, outputs, .. } = variables;
+        Evaluation { parameters, inputs, states, derivatives, locals, outputs }
+    }
+
+    fn each_state<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {
+        let mut state = 0;
+        variables.states.for_each(&mut |value| {
+            function(state, value);
+            state += 1;
+        });
+    }
+
+    fn each_derivative<T: ::fmu_export::Number>(variables: &Self::Of<T>, mut function: impl FnMut(usize, T)) {
+        let mut state = 0;
+        variables.derivatives.for_each(&mut |value| {
+            function(state, value);
+            state += 1;
+        });
+    }
+
+    fn set_states<T: ::fmu_export::Number>(variables: &mut Self::Of<T>, state: impl Fn(usize) -> T) {
+        let mut position = 0;
+        variables.states.for_each_mut(&mut |value| {
+            *value = state(position);
+            position += 1;
+        });
+    }
+
+    fn zero() -> Self {
+        let Self { parameters, inputs, states, locals, outputs, .. } = Self::default();
+        Self {
+            parameters: parameters.map(|_| 0.0),
+            inputs: inputs.map(|_| 0.0),
+            start: states.map(|_| 0.0),
+            states: states.map(|_| 0.0),
+            derivatives: states.map(|_| 0.0),
+            locals: locals,
+            outputs: outputs.map(|_| 0.0),
+        }
+    }
+
+    fn along_derivatives(&self) -> Self {
+        Self { start: self.derivatives.clone(), ..Self::zero() }
     }
 }
 

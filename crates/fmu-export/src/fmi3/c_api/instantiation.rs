@@ -16,7 +16,7 @@ use crate::instance::{self, ClockUpdate, IntermediateCallback, IntermediateUpdat
 use crate::logger::{Logger, Recipient};
 use crate::model::Model;
 use crate::resources::Resources;
-use crate::variables::Variables;
+use crate::variables::Described as _;
 #[cfg(target_family = "wasm")]
 use crate::wasm::host;
 

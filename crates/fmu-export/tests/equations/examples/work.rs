@@ -4,7 +4,8 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fmu_export::{
-    Context, Equations, Error, EvaluationOf, Event, Integrated, Number, Persistent, Simulation, Variables,
+    Context, Described as _, Equations, Error, EvaluationOf, Event, Integrated, Number, Numbered as _,
+    Persistent, Simulation,
 };
 use fmu_export_equations::{BouncingBall, Decay, Hires, Robertson, VanDerPol};
 

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use fmu_export::description::{ScalarVariable, ValueReference};
 use fmu_export::{
-    Equations, Inputs as _, Integrated, Model as _, Number, Persistent, Simulation, Variables as _,
-    check_dependencies,
+    Accessed as _, Described as _, Equations, Inputs as _, Integrated, Model as _, Number, Numbered as _,
+    Persistent, Simulation, check_dependencies,
 };
 use fmu_export_equations::field::{Evaluation, Inputs, States, Variables};
 use fmu_export_equations::{Field, decay, gears, van_der_pol};

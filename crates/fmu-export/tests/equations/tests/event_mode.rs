@@ -6,7 +6,7 @@ use std::ptr;
 
 use fmu_export::fmi3::c_api;
 use fmu_export::fmi3::c_types::{Instance, Status};
-use fmu_export::{Equations, Integrated, Simulation, Variables as _};
+use fmu_export::{Described as _, Equations, Integrated, Simulation};
 use fmu_export_equations::{BouncingBall, Falling, Stairs};
 
 /// The tolerance of the integrator.

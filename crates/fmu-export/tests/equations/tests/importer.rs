@@ -6,7 +6,7 @@ use std::marker::PhantomData;
 use std::ptr;
 
 use fmu_export::description::{ValueReference, Version};
-use fmu_export::{Model, Variables as _, fmi2, fmi3};
+use fmu_export::{Described as _, Model, fmi2, fmi3};
 use fmu_terms::InstanceType;
 
 use crate::instantiate;

@@ -5,7 +5,7 @@ use std::ptr;
 
 use fmu_export::fmi3::c_api;
 use fmu_export::fmi3::c_types::{Instance, Status, ValueReference};
-use fmu_export::{Integrated, Variables as _};
+use fmu_export::{Described as _, Integrated};
 use fmu_export_equations::{Decay, decay};
 
 type Model = Integrated<Decay>;

@@ -7,8 +7,8 @@ use std::ptr;
 use fmu_export::fmi2::{c_api, c_types};
 use fmu_export::integrator::{AUTOMATIC, DOP853, RODAS5P};
 use fmu_export::{
-    Context, Equations, Error, EvaluationOf, Event, Integrated, Integration, Number, Persistent, Simulation,
-    Variables as _,
+    Context, Described as _, Equations, Error, EvaluationOf, Event, Integrated, Integration, Number,
+    Numbered as _, Persistent, Simulation,
 };
 use fmu_export_equations::{Decay, Hires, decay, hires};
 

@@ -27,7 +27,7 @@ use std::ffi::CString;
 use std::ptr;
 
 use fmu_export::fmi2::{c_api, c_types};
-use fmu_export::{Model, Variables as _};
+use fmu_export::{Described as _, Model};
 
 /// An instance of a model's FMU of FMI 2.0, for co-simulation or Model Exchange, to be freed.
 fn instantiate<M: Model>(of: c_types::Enumeration) -> c_types::Component {

@@ -3,7 +3,7 @@
 // Values are handed through, not computed: they are equal, not close.
 #![allow(clippy::float_cmp)]
 
-use fmu_export::Variables as _;
+use fmu_export::{Accessed as _, Described as _};
 use fmu_export_equations::nested::{
     RoomSouthStates, RoomStates, SpareStates, StateGroups, States, ThermalStates, Variables, WallStates,
 };

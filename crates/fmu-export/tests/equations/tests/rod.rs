@@ -5,7 +5,7 @@ use std::ptr;
 
 use fmu_export::fmi2::c_api;
 use fmu_export::fmi2::c_types::{CO_SIMULATION, Status};
-use fmu_export::{Context, Equations, InputSignal, Integrated, Model as _, Simulation, Step, Variables as _};
+use fmu_export::{Accessed as _, Context, Equations, InputSignal, Integrated, Model as _, Simulation, Step};
 use fmu_export_equations::{BouncingBall, Decay, Field, Robertson, Rod};
 
 use crate::allocations::counted;

@@ -2,7 +2,7 @@
 
 use fmu_export::{
     Context, Dual, Equations, Error, EvaluationOf, Event, Fmu, InputSignal, Integrated, Model as _, Number,
-    Persistent, Simulation, Tape, Variables as _, check_dependencies, steady_state,
+    Numbered as _, Persistent, Simulation, Tape, check_dependencies, steady_state,
 };
 use fmu_export_equations::{
     BouncingBall, Decay, Hires, Robertson, Stairs, Undeclared, VanDerPol, bouncing_ball, decay, stairs,

@@ -6,7 +6,7 @@ use std::ptr;
 
 use fmu_export::fmi3::c_api;
 use fmu_export::fmi3::c_types::Status;
-use fmu_export::{Integrated, Variables as _};
+use fmu_export::{Described as _, Integrated};
 use fmu_export_equations::{Ending, ending};
 
 type Model = Integrated<Ending>;

@@ -6,7 +6,8 @@ use std::cell::Cell;
 
 use fmu_export::integrator::Integrator;
 use fmu_export::{
-    Equations, InputSignal, Inputs as _, Integrate, Integrated, Simulation, TwoRates, Variables as _,
+    Accessed as _, Described as _, Equations, InputSignal, Inputs as _, Integrate, Integrated, Numbered as _,
+    Simulation, TwoRates,
 };
 use fmu_export_equations::{
     KeptTwoParts, KeptTwoPartsWithoutCapabilities, PARTS_EVALUATIONS, TwoParts, TwoPartsWithoutCapabilities,

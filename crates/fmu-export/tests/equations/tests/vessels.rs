@@ -4,7 +4,7 @@
 #![allow(clippy::float_cmp)]
 
 use fmu_export::description::{Causality, DataType, Variability};
-use fmu_export::{Inputs as _, Variables as _};
+use fmu_export::{Accessed as _, Described as _, Inputs as _};
 use fmu_export_equations::vessels::{
     FillMode, Inputs, Parameters, SparePartsStates, StateGroups, States, StoresStates, Variables,
     VesselStates,

@@ -4,7 +4,7 @@
 use std::array::from_fn;
 use std::sync::LazyLock;
 
-use fmu_export::{Context, Equations, Error, Event, Number, Persistent, Variables as _};
+use fmu_export::{Context, Described as _, Equations, Error, Event, Number, Persistent};
 
 /// A problem, whose states are an array and whose rates do not depend on time.
 pub trait Problem: Equations {

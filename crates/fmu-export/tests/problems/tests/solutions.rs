@@ -1,7 +1,7 @@
 //! The problems at a tolerance of 1e-8 against the solutions that `reference.py` printed; the Arenstorf orbit, which lets
 //! errors grow by millions, at 1e-10.
 
-use fmu_export::{Integrated, Simulation, Variables as _};
+use fmu_export::{Integrated, Numbered as _, Simulation};
 use fmu_export_problems::{
     Arenstorf, Brusselator, Chain, Converter, Dense, Heat, Kuramoto, Lorenz, Network, Oregonator, Pendulums,
     Pleiades, Pollution, Problem, Reference,

@@ -6,7 +6,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use fmu_export::persistence::{Archive, Persistent};
-use fmu_export::{Context, Dual, Error, Event, InputsOf, Model, Serves, Step, Tape, Variables as _};
+use fmu_export::{
+    Accessed as _, Context, Dual, Error, Event, InputsOf, Model, Numbered as _, Serves, Step, Tape,
+};
 
 // What the runtime asks of a model is not for users: this one is to fail at each of its places.
 fmu_export::fmu!(@exported TestModel, TestModel);
