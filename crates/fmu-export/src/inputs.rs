@@ -47,7 +47,7 @@ pub struct InputSignal<I> {
     order: usize,
     /// Whether any input had a slope at the end of the last step.
     sloped: bool,
-    /// How many values are out of bounds, as set.
+    /// How many values, as set, are out of bounds.
     outside: usize,
     /// Whether the inputs are those at the end of a step with derivatives, and none has been set since.
     moved: bool,
@@ -57,7 +57,7 @@ pub struct InputSignal<I> {
 }
 
 /// One Real input.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct RealSignal {
     /// The value as set.
     set: f64,
@@ -65,25 +65,17 @@ struct RealSignal {
     slope: f64,
     /// The unbounded value at the end of the last step.
     reached: f64,
+    /// Whether the value, as set, is out of bounds.
+    is_outside: bool,
     /// Whether a derivative was ignored.
     derivative_ignored: bool,
     /// The derivatives of order 1, 2, ….
     derivatives: [f64; MAX_ORDER],
 }
 
-crate::persistent!(RealSignal { set, slope, reached, derivative_ignored, derivatives });
+crate::persistent!(RealSignal { set, slope, reached, is_outside, derivative_ignored, derivatives });
 
 impl RealSignal {
-    fn constant(value: f64) -> Self {
-        Self {
-            set: value,
-            slope: 0.0,
-            reached: 0.0,
-            derivative_ignored: false,
-            derivatives: [0.0; MAX_ORDER],
-        }
-    }
-
     /// The change since the step's start, at a time (s) after it, with derivatives up to an order.
     fn rise(&self, order: usize, offset: f64) -> f64 {
         // Horner's scheme: τ/1·(d1 + τ/2·(d2 + …)).
@@ -101,7 +93,7 @@ impl<I: Inputs> InputSignal<I> {
     /// Constant inputs.
     pub fn constant(inputs: &I) -> Self {
         let mut signal = Self {
-            reals: (0..I::REALS.len()).map(|position| RealSignal::constant(inputs.real(position))).collect(),
+            reals: (0..I::REALS.len()).map(|_| RealSignal::default()).collect(),
             order: 0,
             sloped: false,
             outside: 0,
@@ -109,7 +101,10 @@ impl<I: Inputs> InputSignal<I> {
             changed: true,
             inputs: PhantomData,
         };
-        signal.count_outside();
+        for position in 0..I::REALS.len() {
+            signal.take(position, inputs.real(position));
+        }
+        signal.changed = true;
         signal
     }
 
@@ -124,7 +119,7 @@ impl<I: Inputs> InputSignal<I> {
         if self.order > 0 {
             inputs.set_reals(|position| {
                 let real = &self.reals[position];
-                Self::bound(position, real.set + real.rise(self.order, offset))
+                bound::<I>(position, real.set + real.rise(self.order, offset))
             });
         }
     }
@@ -161,28 +156,25 @@ impl<I: Inputs> InputSignal<I> {
         self.reals[position].set
     }
 
-    /// The nearest value within the bounds of the Real input at a position.
+    /// Takes a value of a Real input, whose derivatives it clears. Returns the nearest value within the input's bounds, and
+    /// whether it has just left them.
     #[inline]
-    pub(crate) fn bound(position: usize, value: f64) -> f64 {
-        let input = &I::REALS[position];
-        value.clamp(input.min, input.max)
-    }
-
-    /// Takes a value of a Real input, whose derivatives it clears. Returns whether it has just left its bounds.
-    #[inline]
-    pub(crate) fn take(&mut self, position: usize, value: f64) -> bool {
+    pub(crate) fn take(&mut self, position: usize, value: f64) -> (f64, bool) {
+        let bounded = bound::<I>(position, value);
+        let is_outside = bounded.to_bits() != value.to_bits();
         let real = &mut self.reals[position];
         self.changed |= real.set.to_bits() != value.to_bits();
-        let [was_within, is_within] = [real.set, value].map(|value| is_within::<I>(position, value));
         real.set = value;
         real.slope = 0.0;
-        if was_within != is_within {
-            self.outside = if is_within { self.outside - 1 } else { self.outside + 1 };
+        let has_left = is_outside && !real.is_outside;
+        if is_outside != real.is_outside {
+            real.is_outside = is_outside;
+            self.count_outside();
         }
         if self.order > 0 {
             self.forget_derivatives(position);
         }
-        was_within && !is_within
+        (bounded, has_left)
     }
 
     /// Separate from [`InputSignal::take`], which stays fast without derivatives.
@@ -210,7 +202,7 @@ impl<I: Inputs> InputSignal<I> {
     /// Sets inputs to those at the step's start.
     #[cold]
     pub(crate) fn restart(&self, inputs: &mut I) {
-        inputs.set_reals(|position| Self::bound(position, self.reals[position].set));
+        inputs.set_reals(|position| bound::<I>(position, self.reals[position].set));
     }
 
     /// The input slopes at a time (s) after the step's start; 0 where a bound limits an input.
@@ -277,9 +269,9 @@ impl<I: Inputs> InputSignal<I> {
         self.sloped = self.reals.iter().any(|real| real.slope != 0.0);
     }
 
+    #[cold]
     fn count_outside(&mut self) {
-        let reals = self.reals.iter().enumerate();
-        self.outside = reals.filter(|(position, real)| !is_within::<I>(*position, real.set)).count();
+        self.outside = self.reals.iter().filter(|real| real.is_outside).count();
     }
 }
 
@@ -301,6 +293,13 @@ impl<I: Inputs> Persistent for InputSignal<I> {
 fn is_within<I: Inputs>(position: usize, value: f64) -> bool {
     let input = &I::REALS[position];
     (input.min..=input.max).contains(&value)
+}
+
+/// The nearest value within the bounds of the Real input at a position.
+#[inline]
+fn bound<I: Inputs>(position: usize, value: f64) -> f64 {
+    let input = &I::REALS[position];
+    value.clamp(input.min, input.max)
 }
 
 #[cfg(test)]
@@ -347,11 +346,13 @@ mod tests {
         assert!(signal.differs());
         // Setting any value restores the set values.
         signal.go_back(&mut inputs);
-        assert!(!signal.take(1, 1.75), "it was out of its range, as set");
+        assert_eq!(signal.take(1, 1.75), (1.0, false), "it was out of its range, as set");
         assert_eq!(inputs, Two { values: [0.5, 1.0] });
         assert!(signal.is_free(0) && !signal.is_free(1) && signal.differs());
-        assert!(!signal.take(1, 0.75) && !signal.differs());
-        assert!(signal.take(1, 1.5) && signal.differs());
+        assert_eq!(signal.take(1, 0.75), (0.75, false));
+        assert!(!signal.differs());
+        assert_eq!(signal.take(1, 1.5), (1.0, true));
+        assert!(signal.differs());
     }
 
     #[test]

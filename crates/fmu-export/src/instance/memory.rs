@@ -168,8 +168,9 @@ impl<M: Model> Memory<M> {
     pub(super) fn set_real_input(&mut self, reference: ValueReference, position: usize, value: f64) -> bool {
         let Self { variables, inputs, .. } = self;
         inputs.go_back(variables.inputs_mut());
-        variables.set_real(reference, InputSignal::<InputsOf<M>>::bound(position, value));
-        inputs.take(position, value)
+        let (bounded, has_left) = inputs.take(position, value);
+        variables.set_real(reference, bounded);
+        has_left
     }
 
     /// An input that is not Real has been set to another value.
