@@ -8,6 +8,7 @@
 //! checked: null pointers, instances and states of another FMU, UTF-8, every number.
 
 pub(crate) mod arguments;
+pub(crate) mod saved_states;
 pub(crate) mod states;
 
 use core::ffi::{c_char, c_void};
@@ -21,13 +22,12 @@ use fmu_terms::InstanceType;
 
 use crate::allocation::check_memory;
 use crate::checksum::checksum;
-use crate::description::ValueReference;
+use crate::instance::logger::Logger;
 use crate::instance::{Answer, Instance, Offer, Preemption};
-use crate::logger::Logger;
 use crate::model::Model;
+use crate::model::description::ValueReference;
+use crate::model::variables::Described as _;
 use crate::panics::contain;
-use crate::saved_states;
-use crate::variables::Described as _;
 
 use arguments::{c_string, check_count, elements, not_null, write_elements};
 
@@ -38,7 +38,7 @@ pub(crate) fn silence_panics() {
     #[cfg(not(target_family = "wasm"))]
     ONCE.call_once(|| std::panic::set_hook(Box::new(crate::panics::note)));
     #[cfg(target_family = "wasm")]
-    ONCE.call_once(crate::wasm::host::report_panics);
+    ONCE.call_once(crate::host::report_panics);
 }
 
 /// Makes a C function from an expression that is generic over the FMU of [`exported_model!`], so that the compiler

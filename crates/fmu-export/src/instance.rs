@@ -10,8 +10,10 @@ pub(crate) mod dependencies;
 mod derivatives;
 pub(crate) mod event_mode;
 mod exchange;
+pub(crate) mod logger;
 pub(crate) mod memory;
 mod saving;
+mod serialized_state;
 mod setting;
 mod steps;
 mod values;
@@ -26,13 +28,13 @@ use fmu_solve::display::{Seconds, Shown};
 use fmu_solve::{Error, Tape};
 use fmu_terms::InstanceType;
 
-use crate::context::{Context, Experiment, Timed};
-use crate::description::{Causality, ModelDescription, ValueReference};
-use crate::logger::{Delivery, Logger};
+use crate::instance::logger::{Delivery, Logger};
 use crate::model::Model;
+use crate::model::context::{Context, Experiment, Timed};
+use crate::model::description::{Causality, ModelDescription, ValueReference};
+use crate::model::resources::Resources;
+use crate::model::variables::{Described as _, Variables};
 use crate::panics::{contain, with_cause};
-use crate::resources::Resources;
-use crate::variables::{Described as _, Variables};
 
 use memory::Memory;
 

@@ -2,62 +2,39 @@
 // The equations of models may one day run without the standard library.
 #![warn(clippy::std_instead_of_core)]
 
-// The runtime's modules; each depends only on those below it:
+// The runtime's modules, of which each uses only those below it, as `tests/circles` checks:
 //
-//   wasm                                  the functions of a WebAssembly module
-//   fmi2, fmi3                            the functions of an FMI version
-//   c_boundary                            what the functions of all versions share
-//   instance, simulation, dependencies    an FMU instance; for a model's tests: the model without one, and its dependencies
-//   integrated, sampled                   models of equations (integrated) and sampled ones
-//   equations                             the trait of models of equations
-//   audit, typed                          what a model's equations set, typed numbers
-//   stepper                               models that step themselves
-//   model                                 what the runtime sees of a model
-//   context                               what a model receives besides variables and inputs
-//   serialized_state, variables
-//   clock, inputs, logger, resources, saved_states
-//   checksum, wasm::host
-//   panics
-//   allocation, description
+//   fmi2, fmi3         the functions of an FMI version
+//   wasm               the functions that a WebAssembly module has besides
+//   c_boundary         what the functions of all versions share
+//   trial              a model without an FMU, for its tests
+//   instance           an FMU instance: the functions of the standard, without C
+//   kinds              the kinds of models: of equations, sampled, or stepping themselves
+//   model              what a model knows, and what the runtime sees of it
+//   host               of a WebAssembly module
+//   panics             caught where a function begins
+//   allocation, checksum
 //
 // Below all of them are the crates fmu-solve, whose names a model uses as if they stood here, and fmu-abi.
 
 mod allocation;
-mod audit;
 mod c_boundary;
 mod checksum;
-mod clock;
-mod context;
-mod dependencies;
-pub mod description;
-mod equations;
 pub mod fmi2;
 pub mod fmi3;
 #[doc = include_str!("generic_code.md")]
 pub mod generic_code {}
-mod inputs;
+#[cfg(target_family = "wasm")]
+mod host;
 mod instance;
-mod integrated;
-mod logger;
+mod kinds;
 mod model;
 mod panics;
-mod resources;
-mod sampled;
-mod saved_states;
-mod serialized_state;
-mod simulation;
-mod stepper;
-#[doc(hidden)]
-pub mod typed;
-mod variables;
+mod trial;
 #[cfg(target_family = "wasm")]
 #[doc(hidden)]
 pub mod wasm;
 
-pub use clock::Clock;
-pub use context::{Context, Experiment, Log};
-pub use dependencies::check_dependencies;
-pub use equations::{Equations, EvaluationOf, Multirate, VariablesOf};
 #[doc(hidden)]
 pub use fmu_abi::{fmi2_calls, fmi3_calls};
 #[cfg(feature = "derive")]
@@ -70,20 +47,27 @@ pub use fmu_solve::{
 };
 #[doc(hidden)]
 pub use fmu_solve::{EventsLeft, Stop, Stops, time};
-pub use inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
+pub use kinds::equations::{Equations, EvaluationOf, Multirate, VariablesOf};
 #[doc(hidden)]
-pub use integrated::{Integrate, Integrated};
+pub use kinds::integrated::{Integrate, Integrated};
+#[doc(hidden)]
+pub use kinds::sampled::SampledModel;
+pub use kinds::sampled::{Sample, Sampled};
+#[doc(hidden)]
+pub use kinds::stepper::Stepped;
+pub use kinds::stepper::Stepper;
+pub use model::clock::Clock;
+pub use model::context::{Context, Experiment, Log};
+pub use model::description;
+pub use model::inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
+#[doc(hidden)]
+pub use model::typed;
+pub use model::variables::{Accessed, Described, Numbered, Variables};
 pub use model::{Fmu, InputsOf, Step};
 #[doc(hidden)]
 pub use model::{Model, Serves};
-#[doc(hidden)]
-pub use sampled::SampledModel;
-pub use sampled::{Sample, Sampled};
-pub use simulation::Simulation;
-#[doc(hidden)]
-pub use stepper::Stepped;
-pub use stepper::Stepper;
-pub use variables::{Accessed, Described, Numbered, Variables};
+pub use trial::dependencies::check_dependencies;
+pub use trial::simulation::Simulation;
 
 /// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, with its items in scope, and the FMI functions for a

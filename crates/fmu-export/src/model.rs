@@ -1,17 +1,25 @@
-//! What the runtime sees of a model: the trait that the kinds of models implement, each in a file of its own
-//! (`equations`, `sampled`, `stepper`), and the arguments that they receive.
+//! What a model knows, and what the runtime sees of it: the trait that the kinds of models implement, and the arguments
+//! that they receive.
 //!
 //! A model knows its typed variables (generated from its JSON) and time; it knows nothing of value references, C or
 //! the order of importers' calls.
+
+pub mod clock;
+pub mod context;
+pub mod description;
+pub mod inputs;
+pub(crate) mod resources;
+pub mod typed;
+pub mod variables;
 
 use fmu_solve::persistence::Persistent;
 use fmu_solve::time::{Ahead, End};
 use fmu_solve::{Dual, Error, Event, Events, Stop, Stops, Tape};
 
-use crate::context::Context;
-use crate::description::ModelDescription;
-use crate::inputs::InputSignal;
-use crate::variables::{Accessed, Described as _, Numbered, Variables};
+use crate::model::context::Context;
+use crate::model::description::ModelDescription;
+use crate::model::inputs::InputSignal;
+use crate::model::variables::{Accessed, Described as _, Numbered, Variables};
 
 /// A model of any kind.
 ///

@@ -17,8 +17,6 @@ use crate::c_boundary::states::{keep, with_state};
 use crate::instance::Instance;
 use crate::model::Model;
 
-pub(crate) mod host;
-
 /// The memory layout of arguments and results, aligned for any of them.
 fn layout(size: usize) -> Option<Layout> {
     Layout::from_size_align(size.max(1), align_of::<u64>()).ok()

@@ -8,10 +8,10 @@ use fmu_abi::Status;
 use fmu_solve::Error;
 
 use super::arguments::{elements, not_null, write_elements};
+use crate::c_boundary::saved_states;
 use crate::instance::memory::Memory;
 use crate::instance::{Answer, Instance};
 use crate::model::Model;
-use crate::saved_states;
 
 /// Reads the state behind a handle.
 pub(crate) fn with_state<M: Model, T>(

@@ -19,12 +19,12 @@ use fmu_terms::InstanceType;
 
 use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
-use crate::context::Experiment;
+use crate::instance::logger::{Logger, Recipient};
 use crate::instance::{Answer, Instance};
-use crate::logger::{Logger, Recipient};
 use crate::model::Model;
-use crate::resources::Resources;
-use crate::variables::Described as _;
+use crate::model::context::Experiment;
+use crate::model::resources::Resources;
+use crate::model::variables::Described as _;
 
 /// `fmi2GetTypesPlatform`.
 #[must_use]
@@ -51,7 +51,7 @@ impl Recipient for Callback {
     #[cfg(target_family = "wasm")]
     fn receive(&self, status: Status, category: &CStr, text: &CStr) {
         // SAFETY: the host reads the strings, which outlive the call. No reference to an instance exists during it.
-        unsafe { crate::wasm::host::log(self.environment, status, category.as_ptr(), text.as_ptr()) }
+        unsafe { crate::host::log(self.environment, status, category.as_ptr(), text.as_ptr()) }
     }
 
     #[cfg(not(target_family = "wasm"))]

@@ -15,11 +15,11 @@ use fmu_solve::Error;
 
 use crate::c_boundary::arguments::{elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
-use crate::context::Experiment;
 use crate::instance::Instance;
 use crate::instance::dependencies::DEPENDENT;
 use crate::model::Model;
-use crate::variables::Described as _;
+use crate::model::context::Experiment;
+use crate::model::variables::Described as _;
 
 pub use self::clocks::*;
 pub use self::exchange::*;

@@ -8,9 +8,9 @@ use fmu_solve::display::Shown;
 use fmu_solve::time::summed_rounding;
 
 use super::{Answer, ClockUpdate, Instance};
-use crate::description::{ClockDescription, IntervalVariability, ValueReference};
 use crate::model::Model;
-use crate::variables::{Accessed as _, Described as _};
+use crate::model::description::{ClockDescription, IntervalVariability, ValueReference};
+use crate::model::variables::{Accessed as _, Described as _};
 
 impl<M: Model> Instance<M> {
     /// Computes a clock's model partition at a time in s.

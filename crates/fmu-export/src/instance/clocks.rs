@@ -11,11 +11,11 @@ use fmu_solve::Error;
 
 use super::memory::is_activated;
 use super::{Answer, Instance, check_finite};
-use crate::clock::{IntervalQualifier, check_time};
-use crate::context::{Context, Timed};
-use crate::description::{ClockDescription, DataType, IntervalVariability, Name, ValueReference};
 use crate::model::Model;
-use crate::variables::{Accessed as _, Described as _};
+use crate::model::clock::{IntervalQualifier, check_time};
+use crate::model::context::{Context, Timed};
+use crate::model::description::{ClockDescription, DataType, IntervalVariability, Name, ValueReference};
+use crate::model::variables::{Accessed as _, Described as _};
 
 impl<M: Model> Instance<M> {
     /// The clock of a value reference, with its position among the clocks.

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use fmu_solve::Error;
 
 use super::Instance;
-use crate::description::{Dependencies, ValueReference};
 use crate::model::Model;
-use crate::variables::Described as _;
+use crate::model::description::{Dependencies, ValueReference};
+use crate::model::variables::Described as _;
 
 /// `fmi3Dependent`: nothing more is known about a dependency.
 pub(crate) const DEPENDENT: i32 = 5;

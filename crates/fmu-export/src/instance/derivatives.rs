@@ -8,11 +8,11 @@ use fmu_solve::{Dual, Error};
 
 use super::values::REALS;
 use super::{Answer, Instance};
-use crate::description::{
+use crate::model::Model;
+use crate::model::description::{
     Causality, Roles, ScalarVariable, ValueReference, Variability, VariableDescription,
 };
-use crate::model::Model;
-use crate::variables::{Accessed as _, Described as _, Numbered as _};
+use crate::model::variables::{Accessed as _, Described as _, Numbered as _};
 
 impl<M: Model> Instance<M> {
     /// The directional derivatives of unknowns along a direction of knowns (section 2.1.9).

@@ -6,9 +6,9 @@ use fmu_solve::{Error, EventsLeft, Stop, Stops};
 use fmu_terms::InstanceType;
 
 use super::{Answer, Instance, IntermediateCallback};
-use crate::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
 use crate::model::Model;
-use crate::variables::Described as _;
+use crate::model::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
+use crate::model::variables::Described as _;
 
 impl<M: Model> Instance<M> {
     /// A communication step, which may end at an event, or pause at the end of an internal step for an intermediate

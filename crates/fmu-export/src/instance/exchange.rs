@@ -12,10 +12,10 @@ use fmu_terms::InstanceType;
 
 use super::memory::{EventUnderWay, Memory};
 use super::{Answer, Instance, check_finite};
-use crate::context::{Context, Timed};
-use crate::description::ValueReference;
 use crate::model::Model;
-use crate::variables::{Described as _, Numbered as _};
+use crate::model::context::{Context, Timed};
+use crate::model::description::ValueReference;
+use crate::model::variables::{Described as _, Numbered as _};
 
 /// The outcome of an event: `fmi2EventInfo`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -11,13 +11,13 @@ use fmu_solve::time::Ahead;
 use fmu_solve::{Error, Events};
 use fmu_terms::InstanceType;
 
-use crate::clock::Clock;
-use crate::context::Experiment;
-use crate::description::{ClockDescription, ValueReference};
-use crate::inputs::InputSignal;
-use crate::logger::RecentMessages;
+use crate::instance::logger::RecentMessages;
+use crate::model::clock::Clock;
+use crate::model::context::Experiment;
+use crate::model::description::{ClockDescription, ValueReference};
+use crate::model::inputs::InputSignal;
+use crate::model::variables::{Accessed as _, Described as _};
 use crate::model::{InputsOf, Model, calculate_parameters};
-use crate::variables::{Accessed as _, Described as _};
 
 /// The content of a saved state.
 #[derive(Clone)]

@@ -8,8 +8,8 @@ use fmu_terms::InstanceType;
 use super::Instance;
 use super::memory::Memory;
 use crate::allocation::check_memory;
+use crate::instance::serialized_state;
 use crate::model::Model;
-use crate::serialized_state;
 
 impl<M: Model> Instance<M> {
     /// A copy of everything that affects later calls.

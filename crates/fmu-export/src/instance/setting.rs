@@ -9,12 +9,12 @@ use fmu_solve::display::Shown;
 use super::values::{BINARIES, BOOLEANS, FLOATS, REALS, STRINGS, Whole};
 use super::{Answer, Instance};
 use crate::allocation::check_memory;
-use crate::description::{
+use crate::model::Model;
+use crate::model::description::{
     Causality, DataType, Initial, ScalarVariable, ValueReference, Variability, VariableDescription,
 };
-use crate::inputs::MAX_ORDER;
-use crate::model::Model;
-use crate::variables::{Accessed as _, Described as _};
+use crate::model::inputs::MAX_ORDER;
+use crate::model::variables::{Accessed as _, Described as _};
 
 /// How to set values of a type.
 struct Setter<V, T> {

@@ -10,9 +10,9 @@ use fmu_solve::display::Shown;
 
 use super::{Answer, Instance};
 use crate::allocation::check_memory;
-use crate::description::{DataType, ScalarVariable, ValueReference, VariableDescription, Version};
 use crate::model::Model;
-use crate::variables::{Accessed as _, Described as _};
+use crate::model::description::{DataType, ScalarVariable, ValueReference, VariableDescription, Version};
+use crate::model::variables::{Accessed as _, Described as _};
 
 pub(super) const REALS: &[DataType] = &[DataType::Real];
 pub(super) const BOOLEANS: &[DataType] = &[DataType::Boolean];

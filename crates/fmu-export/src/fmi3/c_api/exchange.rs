@@ -9,7 +9,7 @@ use crate::c_boundary::arguments::not_null;
 use crate::c_boundary::{self, c_functions};
 use crate::instance::Instance;
 use crate::model::Model;
-use crate::variables::Described as _;
+use crate::model::variables::Described as _;
 
 c_functions! {
     /// An error in co-simulation without Event Mode.

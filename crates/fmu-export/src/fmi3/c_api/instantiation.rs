@@ -11,14 +11,14 @@ use fmu_terms::InstanceType;
 
 use crate::c_boundary::arguments::{c_string, elements};
 use crate::c_boundary::{self, silence_panics};
-use crate::instance::event_mode::{has_intermediate_update, name_of};
-use crate::instance::{self, ClockUpdate, IntermediateCallback, IntermediateUpdate, Preemption};
-use crate::logger::{Logger, Recipient};
-use crate::model::Model;
-use crate::resources::Resources;
-use crate::variables::Described as _;
 #[cfg(target_family = "wasm")]
-use crate::wasm::host;
+use crate::host;
+use crate::instance::event_mode::{has_intermediate_update, name_of};
+use crate::instance::logger::{Logger, Recipient};
+use crate::instance::{self, ClockUpdate, IntermediateCallback, IntermediateUpdate, Preemption};
+use crate::model::Model;
+use crate::model::resources::Resources;
+use crate::model::variables::Described as _;
 
 /// The importer's logger, with its argument that identifies the instance.
 #[derive(Debug)]

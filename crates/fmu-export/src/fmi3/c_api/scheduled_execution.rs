@@ -10,10 +10,10 @@ use fmu_terms::InstanceType;
 
 use super::instantiation::{Options, instantiate};
 use crate::c_boundary::{Exported, call, refuse, silence_panics};
+#[cfg(target_family = "wasm")]
+use crate::host;
 use crate::instance::{self, Preemption};
 use crate::model::Model;
-#[cfg(target_family = "wasm")]
-use crate::wasm::host;
 
 /// `fmi3InstantiateScheduledExecution`: null and a message if an argument is wrong, or the FMU does not offer it.
 #[must_use]

@@ -2,8 +2,8 @@
 
 use fmu_solve::Error;
 
-use crate::description::{DataType, ScalarVariable, ValueReference, Variability};
-use crate::variables::Variables;
+use crate::model::description::{DataType, ScalarVariable, ValueReference, Variability};
+use crate::model::variables::Variables;
 
 /// Evaluates twice from different values of the calculated variables. The results must be equal, except for discrete
 /// variables that it does not set, which events or the model's preparation may set. Everything else must be unchanged.

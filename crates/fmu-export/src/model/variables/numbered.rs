@@ -4,7 +4,7 @@
 use fmu_solve::Number;
 
 use super::{Accessed, Described};
-use crate::description::{Dependencies, ValueReference};
+use crate::model::description::{Dependencies, ValueReference};
 
 /// The numbers among a model's variables.
 pub trait Numbered: Described + Accessed + Sized {

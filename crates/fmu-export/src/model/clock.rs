@@ -3,7 +3,7 @@
 use fmu_solve::Error;
 use fmu_solve::display::Shown;
 
-use crate::description::{IntervalVariability, Name};
+use crate::model::description::{IntervalVariability, Name};
 
 /// A clock: whether it ticks now and, if the model determines it, when it ticks next.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,9 +1,9 @@
 //! The values of a model's variables by value reference, as an importer gets and sets them, and what tells which of them an
 //! evaluation has computed.
 
-use crate::clock::Clock;
-use crate::description::ValueReference;
-use crate::inputs::Inputs;
+use crate::model::clock::Clock;
+use crate::model::description::ValueReference;
+use crate::model::inputs::Inputs;
 
 /// The values of a model's variables.
 ///
@@ -84,13 +84,13 @@ pub trait Accessed {
         let _ = (reference, value);
     }
 
-    /// The clock at a position in [`Variables::CLOCKS`].
+    /// The clock at a position in [`Described::CLOCKS`](crate::Described::CLOCKS).
     fn clock(&self, position: usize) -> Option<&Clock> {
         let _ = position;
         None
     }
 
-    /// The clock at a position in [`Variables::CLOCKS`], mutable.
+    /// The clock at a position in [`Described::CLOCKS`](crate::Described::CLOCKS), mutable.
     fn clock_mut(&mut self, position: usize) -> Option<&mut Clock> {
         let _ = position;
         None

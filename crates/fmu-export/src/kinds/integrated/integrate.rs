@@ -6,8 +6,8 @@ use fmu_solve::integrator::{Integrator, Span, StepFailure, Tolerance, Trials, Tw
 use fmu_solve::persistence::Persistent;
 
 use super::equated::Equated;
-use crate::equations::{Equations, Multirate};
-use crate::variables::Described as _;
+use crate::kinds::equations::{Equations, Multirate};
+use crate::model::variables::Described as _;
 
 /// An integrator of the model `E`.
 pub trait Integrate<E: Equations>: Clone + fmt::Debug + Persistent + Send + Sync + 'static {

@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 
 use fmu_solve::Error;
 
-use crate::variables::Variables;
+use crate::model::variables::Variables;
 
 /// The folder's path, or why there is none.
 #[derive(Debug)]
@@ -80,9 +80,9 @@ fn read(file: &Path, most: u64) -> Result<Vec<u8>, String> {
 #[cfg(target_family = "wasm")]
 fn read(file: &Path, most: u64) -> Result<Vec<u8>, String> {
     let path = file.to_str().ok_or("its path is not valid UTF-8")?;
-    let size = crate::wasm::host::size_of(path).ok_or("the host does not find it")?;
+    let size = crate::host::size_of(path).ok_or("the host does not find it")?;
     check_size(size as u64, most)?;
-    crate::wasm::host::read(path, size).ok_or_else(|| "the host cannot read it".to_owned())
+    crate::host::read(path, size).ok_or_else(|| "the host cannot read it".to_owned())
 }
 
 fn check_size(size: u64, most: u64) -> Result<(), String> {

@@ -15,13 +15,13 @@ use fmu_solve::{Dual, Error, Event, Events, Recorded, Stop, Stops, Tape};
 use self::equated::{Equated, Place};
 pub use self::integrate::Integrate;
 
-use crate::audit::first_discrete_difference;
-use crate::context::Context;
-use crate::description::{Causality, DataType};
-use crate::equations::{Equations, calculate_parameters, evaluate_values};
-use crate::inputs::{InputSignal, Inputs as _};
+use crate::kinds::audit::first_discrete_difference;
+use crate::kinds::equations::{Equations, calculate_parameters, evaluate_values};
+use crate::model::context::Context;
+use crate::model::description::{Causality, DataType};
+use crate::model::inputs::{InputSignal, Inputs as _};
+use crate::model::variables::{Accessed, Described as _, Numbered};
 use crate::model::{Fmu, InputsOf, Model, Serves, Step};
-use crate::variables::{Accessed, Described as _, Numbered};
 
 /// From where a communication step can be integrated again, and where a failed one is left: its start, or the last event
 /// in it.

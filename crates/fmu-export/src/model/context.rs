@@ -6,9 +6,15 @@ use fmu_solve::Error;
 use fmu_solve::display::{Seconds, Shown};
 use fmu_solve::table::ReadResource;
 
-use crate::logger;
-use crate::resources::{self, Resources};
-use crate::variables::Variables;
+use crate::model::resources::{self, Resources};
+use crate::model::variables::Variables;
+
+/// The category of errors.
+pub const ERROR: &str = "logStatusError";
+/// The category of warnings.
+pub const WARNING: &str = "logStatusWarning";
+/// The category of events.
+pub const EVENT: &str = "logEvents";
 
 /// The longest file that a model reads unless it asks for more.
 const MOST_BYTES: u64 = 256 << 20;
@@ -135,13 +141,13 @@ impl<'a> Context<'a> {
     /// Warns the user of something that may affect the results. The time precedes the text; an immediate
     /// repetition is dropped.
     pub fn warn(&mut self, message: fmt::Arguments<'_>) {
-        self.log.message(logger::WARNING, message);
+        self.log.message(WARNING, message);
     }
 
     /// Logs an event, if debug logging is on. The time precedes the text; an immediate
     /// repetition is dropped.
     pub fn event(&mut self, message: fmt::Arguments<'_>) {
-        self.log.message(logger::EVENT, message);
+        self.log.message(EVENT, message);
     }
 }
 

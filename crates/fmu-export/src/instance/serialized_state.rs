@@ -17,7 +17,7 @@ use fmu_terms::InstanceType;
 
 use crate::allocation::check_memory;
 use crate::checksum::checksum;
-use crate::description::ModelDescription;
+use crate::model::description::ModelDescription;
 
 const SIGNATURE: [u8; 8] = *b"fmi2stat";
 /// Increment with every change of the runtime's content. (The GUID identifies the model's content.)

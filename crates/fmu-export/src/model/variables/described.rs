@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use crate::description::{
+use crate::model::description::{
     ClockDescription, Dependencies, ModelDescription, ScalarVariable, ValueReference, VariableDescription,
     Version,
 };

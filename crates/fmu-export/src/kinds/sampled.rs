@@ -10,12 +10,12 @@ use fmu_solve::persistence::Persistent;
 use fmu_solve::time::{nearer, rounding};
 use fmu_solve::{Error, Event, Events, Stop, Stops, due_until};
 
-use crate::audit::check_calculated_parameters;
-use crate::clock::Clock;
-use crate::context::Context;
-use crate::description::Version;
+use crate::kinds::audit::check_calculated_parameters;
+use crate::model::clock::Clock;
+use crate::model::context::Context;
+use crate::model::description::Version;
+use crate::model::variables::{Accessed as _, Described as _, Numbered, Variables};
 use crate::model::{Fmu, InputsOf, Model, Serves, Step, calculate_parameters};
-use crate::variables::{Accessed as _, Described as _, Numbered, Variables};
 
 /// The most samples in one step, which must end: a day at 100 Hz has 8.64 million.
 const MOST_SAMPLES: f64 = 1e7;

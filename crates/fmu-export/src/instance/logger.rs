@@ -18,14 +18,8 @@ use fmu_solve::Error;
 use fmu_solve::persistence::{Archive, Persistent};
 
 use crate::checksum::checksum;
-use crate::description::{ModelDescription, Version};
-
-/// The category of errors.
-pub const ERROR: &str = "logStatusError";
-/// The category of warnings.
-pub const WARNING: &str = "logStatusWarning";
-/// The category of events.
-pub const EVENT: &str = "logEvents";
+use crate::model::context::{ERROR, EVENT, WARNING};
+use crate::model::description::{ModelDescription, Version};
 
 /// An instance's messages.
 #[derive(Debug, Default)]

@@ -6,11 +6,11 @@ use fmu_solve::integrator::{Directions, Method, Part, Pattern, System, TwoParts}
 use fmu_solve::time::rounding;
 use fmu_solve::{Dual, Recorded, Tape};
 
-use crate::equations::{Equations, Multirate, duals, evaluate, evaluate_values};
-use crate::inputs::InputSignal;
+use crate::kinds::equations::{Equations, Multirate, duals, evaluate, evaluate_values};
 use crate::model::Step;
+use crate::model::inputs::InputSignal;
+use crate::model::variables::{Accessed, Described as _, Numbered as _};
 use crate::panics;
-use crate::variables::{Accessed, Described as _, Numbered as _};
 
 /// Where variables were evaluated: so long after the step's start, and at which time, both in s.
 #[derive(Clone, Copy, Debug)]

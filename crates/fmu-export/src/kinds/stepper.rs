@@ -3,9 +3,9 @@
 use fmu_solve::persistence::Persistent;
 use fmu_solve::{Dual, Error, Tape};
 
-use crate::context::Context;
+use crate::model::context::Context;
+use crate::model::variables::{Accessed, Numbered, Variables};
 use crate::model::{Fmu, InputsOf, Model, Step};
-use crate::variables::{Accessed, Numbered, Variables};
 
 /// A model that steps itself, for co-simulation.
 ///

@@ -3,12 +3,12 @@
 use fmu_solve::Error;
 use fmu_solve::time::Ahead;
 
-use crate::clock::Clock;
-use crate::context::{Context, Experiment, Log, Timed};
-use crate::inputs::InputSignal;
+use crate::model::clock::Clock;
+use crate::model::context::{Context, Experiment, Log, Timed};
+use crate::model::inputs::InputSignal;
+use crate::model::resources::Resources;
+use crate::model::variables::{Accessed as _, Numbered as _};
 use crate::model::{Fmu, InputsOf, Model, Step, calculate_parameters};
-use crate::resources::Resources;
-use crate::variables::{Accessed as _, Numbered as _};
 
 /// A model with its variables and messages, and the resources of its package. Unlike in an FMU, values are not checked.
 ///

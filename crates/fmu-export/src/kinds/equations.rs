@@ -5,8 +5,8 @@ use fmu_solve::integrator::Part;
 use fmu_solve::persistence::Persistent;
 use fmu_solve::{Dual, Error, Event, Integration, Number};
 
-use crate::context::Context;
-use crate::variables::{Numbered, Variables};
+use crate::model::context::Context;
+use crate::model::variables::{Numbered, Variables};
 
 /// A model of ordinary differential equations, optionally with events.
 ///

@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use fmu_solve::{Dual, Error};
 
-use crate::context::{Context, Experiment};
-use crate::description::{Causality, DataType, Dependencies, Name, ValueReference};
+use crate::model::context::{Context, Experiment};
+use crate::model::description::{Causality, DataType, Dependencies, Name, ValueReference};
+use crate::model::resources::Resources;
+use crate::model::variables::{Accessed as _, Described as _, Numbered as _};
 use crate::model::{Fmu, Model};
 use crate::panics;
-use crate::resources::Resources;
-use crate::variables::{Accessed as _, Described as _, Numbered as _};
 
 /// The number of points at which derivatives are evaluated.
 const POINTS: usize = 20;

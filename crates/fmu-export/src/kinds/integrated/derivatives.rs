@@ -3,8 +3,8 @@
 use fmu_solve::{Dual, Recorded, Tape};
 
 use super::{Integrate, Integrated};
-use crate::equations::{Equations, VariablesOf, calculate_parameters, duals, evaluate};
-use crate::variables::{Accessed as _, Numbered as _};
+use crate::kinds::equations::{Equations, VariablesOf, calculate_parameters, duals, evaluate};
+use crate::model::variables::{Accessed as _, Numbered as _};
 
 impl<E: Equations, I: Integrate<E>> Integrated<E, I> {
     /// The derivatives of the calculated variables along a direction, with states already initialized.

@@ -7,11 +7,11 @@ use fmu_solve::{Error, Events, Stop, Stops, time};
 
 use super::equated::{Equated, Place};
 use super::{Integrate, Integrated, Origin};
-use crate::context::Context;
-use crate::equations::{Equations, evaluate_values};
+use crate::kinds::equations::{Equations, evaluate_values};
+use crate::model::context::Context;
+use crate::model::variables::{Accessed, Described as _, Numbered as _};
 use crate::model::{InputsOf, Model as _, Step};
 use crate::panics;
-use crate::variables::{Accessed, Described as _, Numbered as _};
 
 /// How many trials and events more a communication step may take for each time as long as the longest internal step.
 const TRIALS_A_LONGEST_STEP: f64 = 50.0;

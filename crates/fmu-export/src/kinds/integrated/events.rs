@@ -4,10 +4,10 @@ use fmu_solve::display::Seconds;
 use fmu_solve::{Error, Event, MOST_ITERATIONS};
 
 use super::{Integrate, Integrated};
-use crate::audit::{check_calculated_parameters, check_evaluation};
-use crate::context::Context;
-use crate::equations::{Equations, calculate_parameters, evaluate, evaluate_values};
-use crate::variables::{Accessed as _, Described as _};
+use crate::kinds::audit::{check_calculated_parameters, check_evaluation};
+use crate::kinds::equations::{Equations, calculate_parameters, evaluate, evaluate_values};
+use crate::model::context::Context;
+use crate::model::variables::{Accessed as _, Described as _};
 
 /// The most events after which tests evaluate twice: later ones, as of a fast clock, repeat the branches.
 const MOST_AUDITED: u32 = 1000;
