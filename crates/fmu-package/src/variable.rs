@@ -38,6 +38,8 @@ pub struct FmuVariable {
     pub min: String,
     /// The largest value.
     pub max: String,
+    /// The usual magnitude of the values.
+    pub nominal: String,
     /// Empty if the FMU gives none.
     pub description: String,
     /// The variable of which this one is the derivative: its position from 1 on, in FMI 3.0 its value reference.
@@ -190,6 +192,7 @@ impl FmuVariable {
             start: typed.attribute("start").map_or_else(|| texts.join("\n"), str::to_owned),
             min: inherited("min"),
             max: inherited("max"),
+            nominal: inherited("nominal"),
             description: text(element, "description"),
             dimensions: dimensions.collect::<io::Result<_>>()?,
             aliases: named(element, "Alias")
@@ -259,14 +262,22 @@ impl FmuVariable {
     /// # Errors
     /// When one is not a number; the message names variable and text.
     pub fn range(&self) -> io::Result<(f64, f64)> {
-        let bound = |text: &str, none: f64| match text {
-            "" => Ok(none),
-            text => text
-                .trim()
-                .parse()
-                .map_err(|_| broken(format!("a bound of {} is '{text}', which is not a number", self.name))),
-        };
+        let bound = |text, none| self.number("a bound", text).map(|bound| bound.unwrap_or(none));
         Ok((bound(&self.min, f64::NEG_INFINITY)?, bound(&self.max, f64::INFINITY)?))
+    }
+
+    /// The nominal as a number; 1 if undeclared (FMI 2.0.5, section 2.2.3).
+    ///
+    /// # Errors
+    /// When it is not a number; the message names variable and text.
+    pub fn nominal(&self) -> io::Result<f64> {
+        Ok(self.number("the nominal", &self.nominal)?.unwrap_or(1.0))
+    }
+
+    /// The number that an attribute is, if it is declared.
+    fn number(&self, what: &str, text: &str) -> io::Result<Option<f64>> {
+        let not_a_number = |_| broken(format!("{what} of {} is '{text}', which is not a number", self.name));
+        (!text.is_empty()).then(|| text.trim().parse().map_err(not_a_number)).transpose()
     }
 
     /// Whether an importer may set it before initialization (FMI 2.0.5, section 2.2.7).
@@ -294,4 +305,28 @@ pub(crate) fn element_name(name: &str, position: usize, sizes: &[usize]) -> Stri
     let mut indices: Vec<_> = sizes.iter().rev().map(index).collect();
     indices.reverse();
     format!("{name}[{}]", indices.join(","))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::FmuDescription;
+
+    #[test]
+    fn a_nominal_is_the_variables_or_its_types_or_one() {
+        let fmu = FmuDescription::parse(
+            r#"<fmiModelDescription fmiVersion="2.0" modelName="Vessel">
+              <TypeDefinitions><SimpleType name="Pressure"><Real nominal="1e5"/></SimpleType></TypeDefinitions>
+              <ModelVariables>
+                <ScalarVariable name="inlet"><Real declaredType="Pressure"/></ScalarVariable>
+                <ScalarVariable name="vacuum"><Real declaredType="Pressure" nominal=" 0.1 "/></ScalarVariable>
+                <ScalarVariable name="level"><Real/></ScalarVariable>
+                <ScalarVariable name="broken"><Real nominal="one"/></ScalarVariable>
+              </ModelVariables></fmiModelDescription>"#,
+        )
+        .unwrap();
+        let nominal = |name: &str| fmu.variable(name).unwrap().nominal().map_err(|error| error.to_string());
+        assert_eq!(["inlet", "vacuum", "level"].map(nominal), [Ok(1e5), Ok(0.1), Ok(1.0)]);
+        let error = "the nominal of broken is 'one', which is not a number".to_owned();
+        assert_eq!(nominal("broken"), Err(error));
+    }
 }

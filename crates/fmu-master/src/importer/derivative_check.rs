@@ -10,18 +10,18 @@
 //! range of quotients of six lengths, on both sides.
 
 use std::mem;
-use std::sync::Arc;
 
 use anyhow::Result;
 use fmu_solve::integrator::check_direction;
 
 use super::calls::Calls;
 use super::columns::Columns;
+use super::differences::{Place, forward};
 use super::exchange::Exchange;
 use super::messages::is_discarded;
 
-/// The lengths of the differences relative to the shortest, in the order in which they are tried. At the shortest, rounding
-/// and curvature are about equal for states of their nominal size.
+/// The lengths of the differences relative to that of a [forward] one, in the order in which they are tried. Where f bends
+/// on a longer scale than the nominal, rounding is less at the longer ones.
 const LENGTHS: [f64; 6] = [1.0, 64.0, 4096.0, -1.0, -64.0, -4096.0];
 /// An error below this fraction of a row does not matter: the integrator's estimated error contains its effect.
 const SHARE: f64 = 0.01;
@@ -34,7 +34,8 @@ pub struct Use<'a> {
     pub time: f64,
     pub states: &'a [f64],
     pub derivatives: &'a [f64],
-    pub nominals: &'a [f64],
+    /// The states as those about which differences are taken.
+    pub places: &'a [Place],
     /// The longest step (s).
     pub step: f64,
     /// The relative tolerance.
@@ -108,7 +109,7 @@ impl DerivativeCheck {
         let mut suspect = None;
         if !is_first || !columns.is_full() {
             for column in 0..at.states.len() {
-                self.direction[column] = check_direction(column) * scale(at, column);
+                self.direction[column] = check_direction(column) * at.places[column].scale();
             }
             suspect = self.contradiction((calls, exchange), columns, products, at)?;
             if !is_first && suspect.is_none() {
@@ -118,7 +119,7 @@ impl DerivativeCheck {
         for direction in columns.directions() {
             self.direction.fill(0.0);
             for column in columns.states(direction) {
-                self.direction[column] = scale(at, column);
+                self.direction[column] = at.places[column].scale();
             }
             if let Some(row) = self.contradiction((calls, exchange), columns, products, at)? {
                 let [low, high] = self.quotients[row];
@@ -140,16 +141,13 @@ impl DerivativeCheck {
         products: &[f64],
         at: &Use<'_>,
     ) -> Result<Option<usize>> {
-        let (size, fmu) = (at.states.len(), Arc::clone(&calls.fmu));
+        let size = at.states.len();
         let moved: Vec<_> = (0..size).filter(|&column| self.direction[column] != 0.0).collect();
-        let shortest = f64::EPSILON.sqrt();
         let allowed = |length: f64, column: usize, direction: &[f64]| {
-            let (least, most) = fmu.states[column].range;
-            let (state, moved) = (at.states[column], at.states[column] + length * direction[column]);
-            (least.min(state)..=most.max(state)).contains(&moved)
+            at.places[column].allows(length * direction[column])
         };
         for &column in &moved {
-            if !allowed(shortest, column, &self.direction) {
+            if !allowed(forward(), column, &self.direction) {
                 self.direction[column] *= -1.0;
             }
         }
@@ -164,7 +162,7 @@ impl DerivativeCheck {
         }
         self.quotients.fill([f64::INFINITY, f64::NEG_INFINITY]);
         let mut found = None;
-        for length in LENGTHS.map(|length| shortest * length) {
+        for length in LENGTHS.map(|length| forward() * length) {
             if !moved.iter().all(|&column| allowed(length, column, &self.direction)) {
                 continue;
             }
@@ -196,16 +194,11 @@ impl DerivativeCheck {
     /// Whether a product agrees with the quotients so far.
     fn agrees(&self, row: usize, at: &Use<'_>) -> bool {
         let ([product, sum], [low, high]) = (self.products[row], self.quotients[row]);
-        let rounding = ROUNDINGS * f64::EPSILON.sqrt() * self.terms[row];
+        let rounding = ROUNDINGS * f64::EPSILON / forward() * self.terms[row];
         // An error that changes no state by its tolerance in the longest step.
-        let harmless = at.tolerance * scale(at, row) / at.step;
+        let harmless = at.tolerance * at.places[row].scale() / at.step;
         let distance = (low - product).max(product - high);
         // What is not a number agrees with nothing.
         product.is_finite() && distance <= (high - low) + SHARE * sum + rounding + harmless
     }
-}
-
-/// The scale of a state: its magnitude, but at least its nominal value.
-fn scale(at: &Use<'_>, state: usize) -> f64 {
-    at.states[state].abs().max(at.nominals[state])
 }

@@ -7,6 +7,7 @@ use fmu_solve::display::Seconds;
 
 use super::c_boundary::{ModelExchange, Vector};
 use super::calls::Calls;
+use super::differences::nominal;
 
 /// Evaluates an FMU's equations.
 #[derive(Clone)]
@@ -33,6 +34,15 @@ impl Exchange {
             return Ok(());
         }
         calls.check(&[], self.0.get_vector(vector, values))
+    }
+
+    /// Gets the states' [nominals](nominal).
+    pub fn get_nominals(&self, calls: &mut Calls, nominals: &mut [f64]) -> Result<()> {
+        self.get_vector(calls, Vector::Nominals, nominals)?;
+        for given in nominals {
+            *given = nominal(*given);
+        }
+        Ok(())
     }
 
     /// The derivatives at a time (s) and states.

@@ -17,8 +17,10 @@ use super::c_boundary::{Dependency, Vector};
 use super::calls::Calls;
 use super::columns::Columns;
 use super::derivative_check::{DerivativeCheck, Use, Wrong};
+use super::differences::Place;
 use super::event_mode::EventMode;
 use super::exchange::Exchange;
+use super::fmu::Fmu;
 use super::messages::is_discarded;
 
 /// The solution of an instance's equations up to now.
@@ -74,12 +76,12 @@ impl Equations {
         Ok(())
     }
 
-    /// Products of the Jacobian by differences, about a time (s) and states with nominal values.
+    /// Products of the Jacobian by forward differences, about a time (s) and states at their places.
     fn difference(
         &mut self,
         calls: &mut Calls,
         time: f64,
-        (states, nominals): (&[f64], &[f64]),
+        (states, places): (&[f64], &[Place]),
         columns: &Columns<'_>,
         products: &mut [f64],
     ) -> Result<()> {
@@ -87,7 +89,7 @@ impl Equations {
         for number in columns.directions() {
             moved.copy_from_slice(states);
             for state in columns.states(number) {
-                moved[state] += f64::EPSILON.sqrt() * states[state].abs().max(nominals[state]);
+                moved[state] = places[state].moved();
             }
             exchange.derivatives_at(calls, time, moved, along)?;
             for (row, (along, here)) in along.iter().zip(&*here).enumerate() {
@@ -119,6 +121,12 @@ impl Equations {
             ));
         }
     }
+}
+
+/// States with nominal values as those about which differences are taken.
+fn places(fmu: &Fmu, states: &[f64], nominals: &[f64]) -> Vec<Place> {
+    let of = fmu.states.iter().zip(states.iter().zip(nominals));
+    of.map(|(described, (&state, &nominal))| Place::new(state, nominal, described.range)).collect()
 }
 
 /// Where the FMU says that the Jacobian has elements, if it has arrays of states and tells their elements' dependencies,
@@ -225,10 +233,7 @@ impl Integration {
         if is_sharp || *before != self.states {
             self.integrator.restart();
         }
-        exchange.get_vector(calls, Vector::Nominals, &mut self.nominals)?;
-        for nominal in &mut self.nominals {
-            *nominal = if *nominal == 0.0 || !nominal.is_finite() { 1.0 } else { nominal.abs() };
-        }
+        exchange.get_nominals(calls, &mut self.nominals)?;
         exchange.read_indicators(calls, &mut self.equations.indicators, time)?;
         let Self { events, equations, .. } = self;
         Ok(events.begin(time, &[], |indicators| indicators.copy_from_slice(&equations.indicators))?)
@@ -363,7 +368,7 @@ impl Solved<'_> {
             self.fill(time, states, &Columns::new(directions, states.len()), products)?;
         }
         let Equations { exchange, along, here, .. } = &mut *self.equations;
-        let later = time + f64::EPSILON.sqrt() * time.abs().max(self.size);
+        let later = Place::new(time, self.size, (f64::NEG_INFINITY, f64::INFINITY)).moved();
         exchange.derivatives_at(self.calls, later, states, along)?;
         for ((by_time, along), here) in by_time.iter_mut().zip(&*along).zip(&*here) {
             *by_time = (along - here) / (later - time);
@@ -373,11 +378,12 @@ impl Solved<'_> {
 
     /// Computes the products of the Jacobian with directions, and what is wrong with them.
     fn fill(&mut self, time: f64, states: &[f64], columns: &Columns<'_>, products: &mut [f64]) -> Result<()> {
-        let (calls, nominals) = (&mut *self.calls, self.tolerance.nominals);
+        let places = places(&self.calls.fmu, states, self.tolerance.nominals);
+        let calls = &mut *self.calls;
         if calls.has_directional_derivatives {
             self.equations.direct(calls, columns, products)?;
         } else {
-            self.equations.difference(calls, time, (states, nominals), columns, products)?;
+            self.equations.difference(calls, time, (states, &places), columns, products)?;
         }
         if columns.is_full()
             && let Some(row) = self.equations.doubted.take()
@@ -391,7 +397,7 @@ impl Solved<'_> {
                 time,
                 states,
                 derivatives: here,
-                nominals,
+                places: &places,
                 step: self.size,
                 tolerance: self.tolerance.relative,
             };
@@ -407,7 +413,7 @@ impl Solved<'_> {
                     );
                     calls.warn(warning);
                     calls.has_directional_derivatives = false;
-                    self.equations.difference(calls, time, (states, nominals), columns, products)?;
+                    self.equations.difference(calls, time, (states, &places), columns, products)?;
                 }
                 Some(Wrong { row, .. }) => {
                     // Either the pattern or a derivative is wrong: the full Jacobian tells which.
@@ -481,8 +487,8 @@ impl System for Solved<'_> {
             if solved.calls.has_directional_derivatives {
                 solved.equations.direct(solved.calls, &columns, jacobian)
             } else {
-                let at = (states, solved.tolerance.nominals);
-                solved.equations.difference(solved.calls, time, at, &columns, jacobian)
+                let places = places(&solved.calls.fmu, states, solved.tolerance.nominals);
+                solved.equations.difference(solved.calls, time, (states, &places), &columns, jacobian)
             }
         });
         for &row in rows {

@@ -8,6 +8,7 @@ use fmu_terms::Version;
 
 use super::Interface;
 use super::c_boundary::Vector;
+use super::differences::{Place, nominal};
 use super::event_mode::EventMode;
 use super::exchange::Exchange;
 use super::fmu::{Fmu, reference};
@@ -80,7 +81,7 @@ impl Instance {
         let columns = if is_exact {
             self.directional_derivatives(&known, &of)?
         } else if let Some(exchange) = &exchange {
-            self.differences(exchange, &known, by_values.clone(), &mut by_inputs, &mut of)?
+            self.differences(exchange, &known, (by_values.clone(), &of_values), &mut by_inputs, &mut of)?
         } else {
             bail!(
                 "{} has no directional derivatives, and no Model Exchange in which finite differences could replace them",
@@ -151,39 +152,36 @@ impl Instance {
         Ok(columns)
     }
 
-    /// The unknowns' derivatives by central differences, in Model Exchange, at `values` of the knowns, states first.
+    /// The unknowns' derivatives by parabolas, in Model Exchange, at `values` of the knowns, states first; the unknowns are
+    /// `here` there.
     fn differences(
         &mut self,
         exchange: &Exchange,
         known: &[&FmuVariable],
-        mut values: Vec<f64>,
+        (mut values, here): (Vec<f64>, &[f64]),
         inputs: &mut Selection,
         of: &mut Selection,
     ) -> Result<Vec<Vec<f64>>> {
         let (time, states) = (self.calls.time().unwrap_or_default(), values.len() - inputs.names().len());
         let mut nominals = vec![1.0; states];
-        exchange.get_vector(&mut self.calls, Vector::Nominals, &mut nominals)?;
-        nominals.resize(values.len(), 1.0);
+        exchange.get_nominals(&mut self.calls, &mut nominals)?;
+        for input in &known[states..] {
+            nominals.push(nominal(input.nominal()?));
+        }
         let mut columns = vec![];
         for (index, (variable, nominal)) in known.iter().zip(nominals).enumerate() {
-            let value = values[index];
-            // With a step of the cube root, the errors of rounding and of the neglected third derivative are equal.
-            let size = value.abs().max(nominal.abs());
-            let change = f64::EPSILON.cbrt() * if size == 0.0 { 1.0 } else { size };
-            let (least, most) = variable.range()?;
-            let ends =
-                [value - change, value + change].map(|end| end.clamp(least.min(value), most.max(value)));
-            let mut results = [vec![0.0; of.names().len()], vec![0.0; of.names().len()]];
-            for (end, result) in ends.iter().zip(&mut results) {
-                values[index] = *end;
+            let place = Place::new(values[index], nominal, variable.range()?);
+            let (value, moved) = (values[index], place.around());
+            let mut there = [vec![0.0; here.len()], vec![0.0; here.len()]];
+            for (moved, there) in moved.iter().zip(&mut there) {
+                values[index] = *moved;
                 exchange.go_to(&mut self.calls, time, &values[..states])?;
                 self.calls.write(inputs, &values[states..])?;
-                self.observe(Some(exchange), of, result, states)?;
+                self.observe(Some(exchange), of, there, states)?;
             }
             values[index] = value;
-            let [below, above] = results;
-            let distance = ends[1] - ends[0];
-            columns.push(below.iter().zip(&above).map(|(below, above)| (above - below) / distance).collect());
+            let slope = |row: usize| place.slope(moved, here[row], [there[0][row], there[1][row]]);
+            columns.push((0..here.len()).map(slope).collect());
         }
         exchange.go_to(&mut self.calls, time, &values[..states])?;
         self.calls.write(inputs, &values[states..])?;

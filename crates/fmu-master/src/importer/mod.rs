@@ -13,6 +13,7 @@ mod c_boundary;
 mod calls;
 mod columns;
 mod derivative_check;
+mod differences;
 mod event_mode;
 mod exchange;
 mod fmu;
