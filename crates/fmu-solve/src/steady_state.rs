@@ -233,12 +233,9 @@ struct Factors<const N: usize> {
 impl<const N: usize> Factors<N> {
     /// The factors of 1/Δt − J, with `damping` = 1/Δt, unless this matrix is singular.
     fn of(jacobian: &[[f64; N]; N], damping: f64) -> Option<Self> {
-        let mut matrix = jacobian.map(|row| row.map(|element| -element));
-        for (diagonal, row) in matrix.iter_mut().enumerate() {
-            row[diagonal] += damping;
-        }
-        let mut pivots = [0; N];
-        dense::factor(matrix.as_flattened_mut(), &mut pivots).then_some(Self { matrix, pivots })
+        let (mut matrix, mut pivots) = ([[0.0; N]; N], [0; N]);
+        dense::factor(damping, jacobian.as_flattened(), matrix.as_flattened_mut(), &mut pivots)
+            .then_some(Self { matrix, pivots })
     }
 
     /// Whether Δt is below the time constant of what grows by itself: beyond, the steps of the implicit Euler method turn

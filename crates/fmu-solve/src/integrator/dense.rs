@@ -2,9 +2,20 @@
 
 use core::mem;
 
-/// Factors a square matrix, by rows; `pivots` gets the exchanged rows. Returns whether it is regular to working
-/// precision.
-pub(crate) fn factor(matrix: &mut [f64], pivots: &mut [usize]) -> bool {
+/// Factors a multiple of the unit matrix minus a square matrix, by rows, into `factors`; `pivots` gets the exchanged rows.
+/// Returns whether it is regular to working precision.
+pub(crate) fn factor(diagonal: f64, matrix: &[f64], factors: &mut [f64], pivots: &mut [usize]) -> bool {
+    for (factor, element) in factors.iter_mut().zip(matrix) {
+        *factor = -element;
+    }
+    for row in 0..pivots.len() {
+        factors[row * pivots.len() + row] += diagonal;
+    }
+    eliminate(factors, pivots)
+}
+
+/// Factors a square matrix in place.
+fn eliminate(matrix: &mut [f64], pivots: &mut [usize]) -> bool {
     let size = pivots.len();
     for (column, pivot) in pivots.iter_mut().enumerate() {
         let (above, below) = matrix.split_at_mut((column + 1) * size);
@@ -17,7 +28,7 @@ pub(crate) fn factor(matrix: &mut [f64], pivots: &mut [usize]) -> bool {
                 (largest, *pivot) = (magnitude, after);
             }
         }
-        if !(largest > f64::MIN_POSITIVE && largest.is_finite()) {
+        if !is_regular(largest) {
             return false;
         }
         if let Some(after) = pivot.checked_sub(column + 1) {
@@ -67,6 +78,12 @@ fn product(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
+/// Whether a pivot of this magnitude has a reciprocal, so that a matrix is regular to working precision.
+#[inline]
+pub(super) fn is_regular(pivot: f64) -> bool {
+    pivot > f64::MIN_POSITIVE && pivot.is_finite()
+}
+
 /// Inverts a matrix of a few rows in place, by Gauss-Jordan elimination with partial pivoting. Returns whether it is
 /// regular to working precision.
 pub(super) fn invert<const N: usize>(matrix: &mut [[f64; N]; N]) -> bool {
@@ -76,8 +93,7 @@ pub(super) fn invert<const N: usize>(matrix: &mut [[f64; N]; N]) -> bool {
         let pivot = (column + 1..N).fold(column, |pivot, row| {
             if matrix[row][column].abs() > matrix[pivot][column].abs() { row } else { pivot }
         });
-        let largest = matrix[pivot][column].abs();
-        if !(largest > f64::MIN_POSITIVE && largest.is_finite()) {
+        if !is_regular(matrix[pivot][column].abs()) {
             return false;
         }
         pivots[column] = pivot;
@@ -125,12 +141,13 @@ mod tests {
 
     #[test]
     fn a_system_that_needs_pivoting_is_solved() {
-        let mut matrix = [0.0, 2.0, 1.0, 1.0, -1.0, 0.0, 3.0, 0.0, -2.0];
-        let mut pivots = [0; 3];
-        assert!(factor(&mut matrix, &mut pivots));
+        // 2·1 − A = [[0, 2, 1], [1, −1, 0], [3, 0, −2]].
+        let matrix = [2.0, -2.0, -1.0, -1.0, 3.0, 0.0, -3.0, 0.0, 4.0];
+        let (mut factors, mut pivots) = ([0.0; 9], [0; 3]);
+        assert!(factor(2.0, &matrix, &mut factors, &mut pivots));
         // The right-hand side for x = (1, 2, 3).
         let mut x = [7.0, -1.0, -3.0];
-        solve(&matrix, &pivots, &mut x);
+        solve(&factors, &pivots, &mut x);
         for (x, expected) in x.iter().zip([1.0, 2.0, 3.0]) {
             // A handful of operations on numbers of order 1.
             assert!((x - expected).abs() < 1e-14, "{x} instead of {expected}");
@@ -139,14 +156,14 @@ mod tests {
 
     #[test]
     fn no_equations_have_a_solution() {
-        assert!(factor(&mut [], &mut []));
+        assert!(factor(1.0, &[], &mut [], &mut []));
         solve(&[], &[], &mut []);
     }
 
     #[test]
     fn singular_matrices_are_refused() {
-        for mut matrix in [[1.0, 2.0, 2.0, 4.0], [f64::NAN, 0.0, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0, 1.0]] {
-            assert!(!factor(&mut matrix, &mut [0; 2]), "{matrix:?}");
+        for matrix in [[1.0, 2.0, 2.0, 4.0], [f64::NAN, 0.0, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0, 1.0]] {
+            assert!(!factor(0.0, &matrix, &mut [0.0; 4], &mut [0; 2]), "{matrix:?}");
         }
     }
 }

@@ -438,13 +438,7 @@ impl Matrix {
             Factors::Dense { elements, pivots } => {
                 elements.resize(size * size, 0.0);
                 pivots.resize(size, 0);
-                for (factor, element) in elements.iter_mut().zip(&jacobian.elements) {
-                    *factor = -element;
-                }
-                for i in 0..size {
-                    elements[i * size + i] += diagonal;
-                }
-                dense::factor(elements, pivots)
+                dense::factor(diagonal, &jacobian.elements, elements, pivots)
             }
             Factors::Sparse(factors) => {
                 let pattern = self.groups.as_ref().map(|groups| &groups.pattern);

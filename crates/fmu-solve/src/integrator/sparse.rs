@@ -4,6 +4,7 @@
 //! row; then columns are exchanged for this matrix. So the factors follow from the matrix alone, whatever was factored
 //! before.
 
+use super::dense::is_regular;
 use super::pattern::{Pattern, number};
 
 /// A pivot on the diagonal is large enough from this share of the largest element of its row on, as in KLU (Davis and
@@ -241,7 +242,7 @@ impl Factors {
 
 /// Whether an element is a regular pivot of a row with this largest magnitude.
 fn is_pivot(element: f64, largest: f64) -> bool {
-    element.abs() >= LEAST_PIVOT * largest && element.abs() > f64::MIN_POSITIVE && element.is_finite()
+    element.abs() >= LEAST_PIVOT * largest && is_regular(element.abs())
 }
 
 #[cfg(test)]

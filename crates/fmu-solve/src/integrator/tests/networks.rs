@@ -63,18 +63,19 @@ impl Network {
         let mut add = |row: usize, column: usize, value: f64| matrix[row * size + column] += value;
         for &(one, other, conductance) in &self.links {
             for (row, column) in [(one, other), (other, one)] {
-                add(row, row, self.nodes[row].1 * conductance);
-                add(row, column, -self.nodes[row].1 * conductance);
+                add(row, row, -self.nodes[row].1 * conductance);
+                add(row, column, self.nodes[row].1 * conductance);
             }
         }
         for (node, (loss, per_capacity)) in self.nodes.iter().enumerate() {
-            add(node, node, per_capacity * loss);
+            add(node, node, -per_capacity * loss);
         }
-        assert!(dense::factor(&mut matrix, &mut pivots));
+        let mut factors = vec![0.0; size * size];
+        assert!(dense::factor(0.0, &matrix, &mut factors, &mut pivots));
         let mut vector = vec![1.0; size];
         let mut longest = 0.0;
         for _ in 0..30 {
-            dense::solve(&matrix, &pivots, &mut vector);
+            dense::solve(&factors, &pivots, &mut vector);
             longest = vector.iter().fold(0.0_f64, |most, element| most.max(element.abs()));
             for element in &mut vector {
                 *element /= longest;
