@@ -10,9 +10,12 @@ use crate::time::End;
 const APART: f64 = 1e-7;
 /// The most trials and events are too many where they advance by less than this share of a step.
 const ADVANCE: f64 = 0.01;
-/// The most trials and events in that share of a step, which must end.
+/// The most trials and events in that share of a step, which must end: ten million in a step, as many as time events may be,
+/// minutes for the smallest models.
 pub const MOST_TRIALS: u32 = 100_000;
-/// Steps after an event start short: with at least one event per this many trials, events are the cause of many trials.
+/// Steps after an event start short: with at least one event per this many trials, events are the cause of many trials. A
+/// first step changes the states by a hundredth and the next ones are six times as long each, so three more make it
+/// usual; these with a rejection each, and the event, are about eight.
 pub const MOST_TRIALS_AN_EVENT: u32 = 8;
 
 /// Says that a step from `start` was given up at a `time`, both in s.

@@ -77,11 +77,15 @@ pub(crate) enum Pace {
 }
 
 /// An indicator turns sharply where its second difference, relative to its scale, exceeds this, as in an oscillation
-/// with fewer than about eight points per period. It turns where the difference exceeds an eighth of this.
+/// with fewer than about eight points per period: with n points it reaches 4·sin²(π/n). [Chosen](crate::chosen).
 const SHARP: f64 = 0.5;
+/// It turns where the difference exceeds this, as with fewer than 25 points: half of more are still enough.
+/// [Chosen](crate::chosen).
 const TURNING: f64 = SHARP / 8.0;
 /// Kinks and jumps turn sharply at two points, however close these are.
 const OF_A_JUMP: u32 = 2;
+/// One sharp turn in so many points is that of a kink or jump, not of speed. [Chosen](crate::chosen).
+const RARELY: u32 = 16;
 
 /// The sides of a crossing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -217,8 +221,8 @@ impl Events {
             if search.looked > 1 {
                 // Twice the distance from the straight line: for equidistant points, the second difference.
                 let difference = 2.0 * (second - first - share * (indicator - first)).abs();
-                is_sharp |= difference > SHARP * *scale;
-                turns |= difference > TURNING * *scale;
+                is_sharp |= difference > chosen!(SHARP) * *scale;
+                turns |= difference > chosen!(TURNING) * *scale;
             }
         }
         search.sharp += u32::from(is_sharp);
@@ -234,7 +238,7 @@ impl Events {
         let Some(Search { looked, sharp, turning, .. }) = self.search.as_deref() else {
             return (0, Pace::Even);
         };
-        let pace = if *sharp > OF_A_JUMP + looked / 16 {
+        let pace = if *sharp > OF_A_JUMP + looked / chosen!(RARELY) {
             Pace::Fast
         } else if *turning <= OF_A_JUMP {
             Pace::Slow

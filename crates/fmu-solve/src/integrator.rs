@@ -55,10 +55,12 @@ use work::Work;
 
 /// The explicit method is for steps of the linearly implicit one whose length times the bound of the magnitudes of the
 /// eigenvalues is less, if both cost as much. For each step that one of the linearly implicit one costs more, this may be
-/// larger by the stability limit.
+/// larger by the stability limit. [Chosen](crate::chosen), less than half of what makes a step stiff, so that the methods do
+/// not go back and forth: the magnitudes are bounds.
 const NONSTIFF: f64 = 0.3 * explicit::STABILITY;
 
 /// The most states for which solutions with kept factors take less time than the evaluations that they save.
+/// [Chosen](crate::chosen).
 const MOST_SAVING: usize = 20;
 
 /// The integrator with its last step.
@@ -263,13 +265,13 @@ impl Integrator {
             let costs_less = is_cut && *size + S::METHOD.stages.len() < explicit::AT_END.end;
             let takes_over = S::METHOD.switches() && (last.took_explicit::<S>() || !costs_less) && {
                 if last.took_explicit::<S>() {
-                    let saves = work.would_keep && *size <= MOST_SAVING;
+                    let saves = work.would_keep && *size <= chosen!(MOST_SAVING);
                     work.for_other = work.for_other.max(u32::from(saves));
-                } else if jacobian.is_fresh() && error.largest > SMALL_ERROR {
+                } else if jacobian.is_fresh() && error.largest > chosen!(SMALL_ERROR) {
                     let scale = |state: usize| tolerance.scale::<S>(state, last.from[state]);
                     // How long it would be for its error, unless the limit cut it short.
                     let length = if to < limit { length * factor.max(1.0) } else { length };
-                    let longest = NONSTIFF + f64::from(switch.price - 1) * explicit::STABILITY;
+                    let longest = chosen!(NONSTIFF) + f64::from(switch.price - 1) * explicit::STABILITY;
                     work.for_other = votes(longest / (length * jacobian.radius(scale, &mut work.moved)));
                 }
                 switch.count(work.for_other)

@@ -15,6 +15,10 @@
 //   time                                  when two times are the same
 //   persistence                           the bytes of a saved state
 //   error, display
+//   chosen                                constants by experiment
+
+#[macro_use]
+mod chosen;
 
 pub mod display;
 mod error;

@@ -12,14 +12,20 @@ pub(super) const END: usize = 12;
 pub(super) const BEFORE_END: Range<usize> = 1..END;
 pub(super) const AT_END: Range<usize> = END..END + 1;
 pub(super) const OF_DENSE: Range<usize> = END + 1..STAGES;
-/// The order of the combined error estimate: the slope of its logarithm over that of the step.
+/// The order of the combined error estimate: the slope of its logarithm over that of the step. With e₅ ~ h⁵ and e₃ ~ h³ for
+/// the estimates it is h·e₅²/√(e₅² + e₃²/100) ~ h⁸ (`EXPO1` of `dop853.f`).
 pub(super) const ESTIMATE_ORDER: f64 = 8.0;
+/// The weight of e₃² in this, as in `dop853.f` (`DENO`).
+pub(super) const OF_THIRD_ORDER: f64 = 0.01;
 /// Where the slope of the dense output is compared with the derivatives, and how many times its largest error the error of
 /// the slope there is over the step. Its error of lowest order has one shape, whatever the system: it is largest at five
-/// sixths of the step, and at 0.7 this is 8.4 to 8.7 for decays, oscillations and y' = −y².
+/// sixths of the step. The test `the_slope_of_the_explicit_dense_output_tells_its_error` compares decay, oscillation and
+/// y' = −y² with this.
 pub(super) const RESIDUAL_AT: f64 = 0.7;
 pub(super) const ERROR_SLOPE: f64 = 8.5;
-/// How far along the negative real axis steps are stable: the length times the magnitude of the eigenvalue.
+/// The length of a step times the magnitude of the eigenvalue up to which it counts as stable: that from which `dop853.f`
+/// calls a problem stiff (`HLAMB`). On the negative real axis, steps are stable up to 6.394, as the test
+/// `the_explicit_method_is_stable_up_to_its_limit` finds.
 pub(super) const STABILITY: f64 = 6.1;
 
 /// The operations of a step for so many states, if an evaluation of their derivatives has this many.

@@ -10,22 +10,24 @@ use super::{dense, sparse};
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// An element that the pattern lacks is noticed from this share of its row on. Below, it is of no consequence: it changes
-/// an error as little as the Jacobian. Rounding is far less.
+/// An element that the pattern lacks is noticed from this share of its row on. Below, it is of no consequence, as the
+/// Jacobian of an FMU's difference quotients is no more precise: √ε, 1.5·10⁻⁸. Rounding of a row of a thousand elements is
+/// far less, 2·10⁻¹³ of it.
 const MISSED: f64 = 1e-9;
-/// The most steps that a Jacobian serves: about as many as in CVODE. Where an older one caused a rejection, the next ones
+/// The most steps that a Jacobian serves: as many as one set of factors in CVODE (`MSBP_DEFAULT`). Where an older one caused a rejection, the next ones
 /// serve no longer than it did, and each time that this many steps are accepted, twice as long again: rejections then
 /// cost a trial in twenty steps at most.
 const SERVES: u32 = 20;
 /// Under a method whose order rests on the Jacobian: the largest growth of the step with which one is kept. The error
-/// of a step of fifth order, the sixth power of the length, then grows threefold.
+/// of a step of fifth order, the sixth power of the length, then grows threefold. [Chosen](crate::chosen).
 const GROWTH: f64 = 1.2;
 /// Relative to the tolerance: up to this error a Jacobian serves another step even if the method's order rests on it. A
-/// step with an older one then has two decades to err more, and ends its service if it does.
+/// step with an older one then has two decades to err more, and ends its service if it does. [Chosen](crate::chosen).
 pub(super) const SMALL_ERROR: f64 = 0.01;
-/// How many times as long a multiplication of elements takes whose place is looked up.
+/// How many times as long a multiplication of elements takes whose place is looked up. [Chosen](crate::chosen).
 const INDEXED: usize = 2;
-/// How many times as long as an evaluation one with a direction takes.
+/// How many times as long as an evaluation one with a direction takes: a sum of dual numbers has two sums, a product three
+/// products and a sum, but as many calls and branches. [Chosen](crate::chosen).
 const DIRECTION: usize = 2;
 
 /// A Jacobian.
@@ -116,14 +118,14 @@ impl Jacobian {
 
     /// Discards the Jacobian if it does not serve a step of this length.
     pub(super) fn expect<S: System>(&mut self, length: f64) {
-        if !S::METHOD.takes_any_jacobian && length > GROWTH * self.factored_for {
+        if !S::METHOD.takes_any_jacobian && length > chosen!(GROWTH) * self.factored_for {
             self.discard();
         }
     }
 
     /// Counts a completed step with an error relative to the tolerance.
     pub(super) fn count_step<S: System>(&mut self, error: f64) {
-        let serves = S::METHOD.takes_any_jacobian || error <= SMALL_ERROR;
+        let serves = S::METHOD.takes_any_jacobian || error <= chosen!(SMALL_ERROR);
         self.serves = if serves { self.serves.saturating_sub(1) } else { 0 };
         self.served += 1;
         self.accepted += 1;
@@ -398,8 +400,8 @@ impl Matrix {
         if !pattern.is_full() {
             let groups = self.groups.insert(Groups::new(pattern));
             let elimination = pattern.elimination();
-            let multiplications = INDEXED * elimination.multiplications(S::METHOD.stages.len());
-            let evaluations = S::METHOD.stages.len() + DIRECTION * groups.directions();
+            let multiplications = chosen!(INDEXED) * elimination.multiplications(S::METHOD.stages.len());
+            let evaluations = S::METHOD.stages.len() + chosen!(DIRECTION) * groups.directions();
             let operations = evaluations * pattern.operations() + multiplications;
             let explicit = explicit::operations(pattern.size(), pattern.operations());
             self.price = number((operations + explicit / 2) / explicit).max(1);
@@ -421,7 +423,7 @@ impl Matrix {
     /// Returns whether it is regular to working precision.
     pub(super) fn factor<S: System>(&mut self, jacobian: &mut Jacobian, length: f64, size: usize) -> bool {
         // With factors for another length the Jacobian is, in effect, multiplied by their ratio.
-        let similar = if S::METHOD.takes_any_jacobian { SIMILAR * length } else { 0.0 };
+        let similar = if S::METHOD.takes_any_jacobian { chosen!(SIMILAR) * length } else { 0.0 };
         if (jacobian.factored_for - length).abs() > similar {
             (jacobian.factored_for, self.is_factored) = (length, false);
         }

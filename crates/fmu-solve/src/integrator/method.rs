@@ -44,8 +44,9 @@ pub(super) enum Phases {
 }
 
 impl Method {
-    /// The most states whose linear equations are always dense: about where both take equally long for random networks;
-    /// more where a Jacobian serves many steps, which would not repay the code that finds its pattern.
+    /// The most states whose linear equations are always dense: about where both take equally long for random networks,
+    /// as the experiment `chosen_sizes` prints; more where a Jacobian serves many steps, which would not repay the code that
+    /// finds its pattern.
     #[must_use]
     pub const fn most_dense(&self) -> usize {
         if self.takes_any_jacobian { 20 } else { 8 }

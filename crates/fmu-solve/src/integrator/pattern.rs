@@ -58,7 +58,7 @@ impl Pattern {
             found.dedup();
             pattern.columns.extend(found.iter().copied().map(number));
             pattern.starts.push(number(pattern.columns.len()));
-            if pattern.columns.len() > size.saturating_mul(FEW.clamp(size / 4, size.div_ceil(2))) {
+            if pattern.columns.len() > size.saturating_mul(chosen!(FEW).clamp(size / 4, size.div_ceil(2))) {
                 (pattern, is_full) = (Self::full(), true);
             }
         }
@@ -166,7 +166,8 @@ impl Pattern {
     /// Whether the gradients of all rows take less than an evaluation for each column of a full matrix.
     pub(super) fn is_by_rows(&self, size: usize) -> bool {
         let [operations, traversed] = [self.operations, self.traversed].map(u64::from);
-        RECORDING as u64 * operations + GRADIENT as u64 * traversed < size as u64 * operations
+        chosen!(RECORDING) as u64 * operations + chosen!(GRADIENT) as u64 * traversed
+            < size as u64 * operations
     }
 
     /// The group of each column, and the number of groups: those of a group share no row but these, so that a product
@@ -274,16 +275,17 @@ impl Pattern {
 }
 
 /// The time of recording an evaluation, and of going back through all of the record, in evaluations with a direction.
+/// [Chosen](crate::chosen).
 const RECORDING: usize = 8;
 const GRADIENT: usize = 4;
 
 /// The time that the gradients of so many rows take.
 pub(super) fn gradients(rows: usize) -> usize {
-    if rows > 0 { RECORDING + rows * GRADIENT } else { 0 }
+    if rows > 0 { chosen!(RECORDING) + rows * chosen!(GRADIENT) } else { 0 }
 }
 
 /// Rows with so few elements are sparse unless more than half full; otherwise a quarter is too many. Sparse random
-/// networks then take less time than dense ones.
+/// networks then take less time than dense ones. [Chosen](crate::chosen).
 const FEW: usize = 16;
 
 /// A position among fewer than 2³² states or elements.

@@ -7,8 +7,8 @@
 use super::dense::is_regular;
 use super::pattern::{Pattern, number};
 
-/// A pivot on the diagonal is large enough from this share of the largest element of its row on, as in KLU (Davis and
-/// Palamadai Natarajan, Algorithm 907, ACM Transactions on Mathematical Software 37, 2010).
+/// A pivot on the diagonal is large enough from this share of the largest element of its row on, as in KLU (`tol` of
+/// `klu_defaults`; Davis and Palamadai Natarajan, Algorithm 907, ACM Transactions on Mathematical Software 37, 2010).
 const LEAST_PIVOT: f64 = 1e-3;
 
 /// Rows of elements.

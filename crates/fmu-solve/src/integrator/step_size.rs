@@ -1,15 +1,20 @@
 //! Step size control.
 
-/// The safety factor on the length that would just meet the tolerance.
+/// The safety factor on the length that would just meet the tolerance: that of Hairer and Wanner's programs (`SAFE` of
+/// `dop853.f`).
 const SAFETY: f64 = 0.9;
-/// The largest growth of the step length from one step to the next, and the largest reduction.
+/// The largest growth of the step length from one step to the next, and the largest reduction: those of DOP853 (`FAC2` of
+/// `dop853.f`) and of DOPRI5 (`FAC1` of `dopri5.f`).
 const GROWTH: f64 = 6.0;
 const REDUCTION: f64 = 0.2;
-/// How much longer than proposed a step may be, relatively, so that rounding of its end does not split it.
+/// How much longer than proposed a step may be, relatively, so that rounding of its end does not split it. The error of a
+/// step of order p grows by p millionths; rounding of a time t is less down to steps of 2·10⁻¹⁰·t.
 const ROUNDING: f64 = 1e-6;
-/// The shortest step, in roundings of the time.
+/// The shortest step, in roundings of the time: as in MATLAB's solvers (Shampine and Reichelt, The MATLAB ODE Suite, SIAM
+/// Journal on Scientific Computing 18, 1997), whose `hmin` is `16*eps(t)`.
 const SHORTEST: f64 = 16.0 * f64::EPSILON;
 /// With a method that takes any matrix, steps share a matrix if their lengths differ by no more than this, relatively.
+/// [Chosen](crate::chosen).
 pub(super) const SIMILAR: f64 = 0.4;
 
 /// The length of the next step.
@@ -29,8 +34,8 @@ impl StepSize {
     }
 
     /// Estimates the length of a first step: that in which the states change by a hundredth at their present derivatives
-    /// (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4), from the norms of both
-    /// relative to the allowed errors. The end does not limit it: it would limit the steps after it, too.
+    /// (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4; the first guess of `HINIT` in
+    /// `dop853.f`), from the norms of both relative to the allowed errors. The end does not limit it: it would limit the steps after it, too.
     pub(super) fn begin(&mut self, states: f64, slopes: f64) {
         let length = 0.01 * states.max(1.0) / slopes;
         self.next = if length > 0.0 && length < self.longest { length } else { self.longest };

@@ -3,12 +3,12 @@
 use crate::error::Error;
 use crate::persistence::{Archive, Persistent};
 
-/// How many votes the linearly implicit method needs while it costs little.
+/// How many votes the linearly implicit method needs while it costs little. [Chosen](crate::chosen).
 const TO_IMPLICIT: u32 = 4;
-/// How many votes the explicit method needs.
+/// How many votes the explicit method needs. [Chosen](crate::chosen).
 const TO_EXPLICIT: u32 = 3;
 /// The first trials after the linearly implicit method has taken over do not vote: their lengths are those that stability
-/// allowed the explicit one, and their errors those that it left.
+/// allowed the explicit one, and their errors those that it left. [Chosen](crate::chosen).
 const SETTLING: u32 = 2;
 
 /// The present method, which is explicit at first.
@@ -37,11 +37,11 @@ impl Switch {
     /// Counts a trial and its votes for the other method. Returns whether that takes over.
     pub(super) fn count(&mut self, votes: u32) -> bool {
         self.trials = self.trials.saturating_add(1);
-        if self.is_implicit && self.trials <= SETTLING {
+        if self.is_implicit && self.trials <= chosen!(SETTLING) {
             return false;
         }
         self.votes = if votes > 0 { self.votes.saturating_add(votes) } else { self.votes.saturating_sub(1) };
-        let takes_over = self.votes >= if self.is_implicit { TO_EXPLICIT } else { self.needed() };
+        let takes_over = self.votes >= if self.is_implicit { chosen!(TO_EXPLICIT) } else { self.needed() };
         if takes_over {
             self.take_over();
         }
@@ -51,7 +51,7 @@ impl Switch {
     /// How many votes the linearly implicit method needs.
     fn needed(&self) -> u32 {
         // As many as explicit steps that cost as much as a trial.
-        TO_IMPLICIT.max(self.price)
+        chosen!(TO_IMPLICIT).max(self.price)
     }
 
     /// Learns the price from the first linear equations. Returns whether their method had too few votes for it, and the
@@ -59,10 +59,10 @@ impl Switch {
     pub(super) fn learn(&mut self, price: u32) -> bool {
         let was_known = self.price > 0;
         self.price = price;
-        if was_known || price <= TO_IMPLICIT {
+        if was_known || price <= chosen!(TO_IMPLICIT) {
             return false;
         }
-        (self.is_implicit, self.votes) = (false, TO_IMPLICIT);
+        (self.is_implicit, self.votes) = (false, chosen!(TO_IMPLICIT));
         true
     }
 

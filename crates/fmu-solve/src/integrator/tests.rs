@@ -1,5 +1,6 @@
 //! The integrator on systems with known solutions, and with patterns of their Jacobians.
 
+mod chosen;
 mod networks;
 
 use super::work::LargestError;
@@ -233,6 +234,61 @@ fn the_error_of_the_dense_output_is_estimated() {
     for length in [0.2, 0.4, 0.8] {
         check(Explicit(NONLINEAR), length);
     }
+}
+
+/// The largest error of the dense output of the explicit method in one step from t = 0, and that of its slope at
+/// [`explicit::RESIDUAL_AT`], times the step.
+fn dense_errors<const N: usize>(given: Given<N>, length: f64, exact: fn(f64) -> [f64; N]) -> [f64; 2] {
+    let (mut system, mut integrator) = (Explicit(given), Integrator::new(N));
+    integrator.steps.next = length;
+    let tolerance = Tolerance { relative: 1.0, nominals: &[1.0; N] };
+    integrator.step(&mut system, (0.0, length), &exact(0.0), &tolerance, &mut 0).unwrap();
+    let mut states = [0.0; N];
+    let mut largest = 0.0_f64;
+    for part in 1..1000 {
+        let time = f64::from(part) / 1000.0 * length;
+        integrator.states_at(&mut system, time, &mut states);
+        for (state, exact) in states.iter().zip(exact(time)) {
+            largest = largest.max((state - exact).abs());
+        }
+    }
+    let time = explicit::RESIDUAL_AT * length;
+    integrator.states_at(&mut system, time, &mut states);
+    let mut rates = [0.0; N];
+    system.derivatives(time, &states, &mut rates);
+    let last = integrator.last.as_ref().unwrap();
+    let residuals = (0..N).map(|state| (rates[state] - last.slope(state, explicit::RESIDUAL_AT)).abs());
+    [largest, length * residuals.fold(0.0, f64::max)]
+}
+
+#[test]
+fn the_slope_of_the_explicit_dense_output_tells_its_error() {
+    let decay = dense_errors(Given(|_, [x]| [-x]), 1.0, |time| [(-time).exp()]);
+    let wave = dense_errors(Given(|_, [x, v]| [v, -x]), 1.0, |time| [time.cos(), -time.sin()]);
+    let square = dense_errors(Given(|_, [x]| [-(x * x)]), 0.3, |time| [(1.0 + time).recip()]);
+    for [largest, slope] in [decay, wave, square] {
+        let found = slope / largest;
+        // Terms of higher order are some percent.
+        assert!((found / explicit::ERROR_SLOPE - 1.0).abs() < 0.05, "{found}");
+    }
+}
+
+#[test]
+fn the_explicit_method_is_stable_up_to_its_limit() {
+    // One step of x' = -r·x from 1.
+    let stepped = |rate: f64| {
+        let mut stages: Vec<f64> = vec![];
+        let sum = |weights: &[f64], stages: &[f64]| {
+            1.0 + weights.iter().zip(stages).map(|(weight, stage)| weight * stage).sum::<f64>()
+        };
+        for weights in &explicit::STATES[..explicit::END] {
+            stages.push(-rate * sum(weights, &stages));
+        }
+        sum(explicit::STATES[explicit::END], &stages)
+    };
+    let limit =
+        (0..10_000).map(|step| 1e-3 * f64::from(step)).find(|&rate| stepped(rate).abs() > 1.0).unwrap();
+    assert!((limit - 6.394).abs() < 1e-3 && limit > explicit::STABILITY, "{limit}");
 }
 
 #[test]

@@ -15,17 +15,19 @@ const MOST_STAGES: usize = explicit::STAGES;
 
 /// The largest error of the dense output relative to what its slope at [`RESIDUAL_AT`] implies, if it vanishes with its
 /// slope at both ends of the step, as θ²·(1 − θ)² does. Where errors decay fast, the slope implies the error there, 9/16
-/// of the largest; where slowly, γ·h times the error's slope, for which it would be 1/(3·γ), which is less.
+/// of the largest; where slowly, γ·h times the error's slope, for which it would be 1/(3·γ), which is less: the largest
+/// error is 1/16, and the slope at a quarter 3/16.
 const DENSE_ERROR: f64 = 16.0 / 9.0;
 /// Where the slope of the dense output is compared with the derivatives: at a quarter of the step, as that of such an
 /// error vanishes in the middle.
 const RESIDUAL_AT: f64 = 0.25;
 
 /// How many times as large as an error of lowest order implies differences between the slope of the dense output and the
-/// derivatives may be: this leaves room for the terms of higher order.
+/// derivatives may be: this leaves room for the terms of higher order. [Chosen](crate::chosen).
 const MARGIN: f64 = 2.0;
 
 /// The explicit method is not for steps whose length times the estimated magnitude of the largest eigenvalue exceeds this.
+/// [Chosen](crate::chosen) below the limit, as the magnitude is that of one direction of the states.
 const STIFF: f64 = 0.7 * explicit::STABILITY;
 
 /// Memory for a step.
@@ -184,7 +186,7 @@ impl Work {
         } else {
             return false;
         };
-        self.residual::<S>(last, share, 1.0, tolerance).largest <= MARGIN * most
+        self.residual::<S>(last, share, 1.0, tolerance).largest <= chosen!(MARGIN) * most
     }
 
     /// The largest difference between derivatives at a share of the last step, which `moved` holds, and the slope of its
@@ -286,7 +288,8 @@ impl Work {
             }))
         };
         let (fifth, third) = (relative(explicit::FIFTH_ORDER), relative(explicit::THIRD_ORDER));
-        let norm = (fifth.largest * fifth.largest + 0.01 * third.largest * third.largest).sqrt();
+        let norm =
+            (fifth.largest * fifth.largest + explicit::OF_THIRD_ORDER * third.largest * third.largest).sqrt();
         let combined = fifth.largest * (fifth.largest / norm);
         let largest = match (fifth.largest, norm.is_finite()) {
             (0.0, _) => 0.0,
@@ -301,8 +304,8 @@ impl Work {
                 states_differ = states_differ.max(((to[i] - before[i]) / scale(i)).abs());
                 rates_differ = rates_differ.max(((rates[i] - rates_before[i]) / scale(i)).abs());
             }
-            self.for_other = votes(last.length * rates_differ / (STIFF * states_differ));
-            self.would_keep = fifth.largest <= SMALL_ERROR;
+            self.for_other = votes(last.length * rates_differ / (chosen!(STIFF) * states_differ));
+            self.would_keep = fifth.largest <= chosen!(SMALL_ERROR);
         }
         self.moved = before;
         LargestError { largest, state: fifth.state }

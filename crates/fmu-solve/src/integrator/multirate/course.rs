@@ -13,12 +13,13 @@ use crate::persistence::{Archive, Persistent};
 pub(super) const METHOD: &Method = &ROS34PW2;
 pub(super) const STAGES: usize = METHOD.stages.len();
 
-/// The most steps with one Jacobian.
+/// The most steps with one Jacobian. [Chosen](crate::chosen).
 const SERVES: u32 = 25;
 /// A jump that changes the derivatives by more than this many tolerances over the next step discards the Jacobian.
+/// [Chosen](crate::chosen).
 const JUMP_RENEWS: f64 = 300.0;
 /// A larger jump than this many tolerances shortens the step: a long one would damp the fast modes that the jump excites
-/// without showing in its error estimate.
+/// without showing in its error estimate. [Chosen](crate::chosen).
 const JUMP_SHORTENS: f64 = 30.0;
 
 /// The integration of a part.
@@ -110,11 +111,11 @@ impl<const N: usize> Course<N> {
         }
         let (length, _) = self.steps.within(time, end);
         let jump = self.relative(&states, &array::from_fn(|i| length * (slopes[i] - before[i])));
-        if jump > JUMP_RENEWS {
+        if jump > chosen!(JUMP_RENEWS) {
             self.serves = 0;
         }
-        if jump > JUMP_SHORTENS {
-            self.steps.next = length * (JUMP_SHORTENS / jump).sqrt().sqrt();
+        if jump > chosen!(JUMP_SHORTENS) {
+            self.steps.next = length * (chosen!(JUMP_SHORTENS) / jump).sqrt().sqrt();
         }
     }
 
@@ -152,12 +153,12 @@ impl<const N: usize> Course<N> {
             changes = array::from_fn(|row| changes[row] + (self.jacobian[column][row] * allowed).abs());
         }
         self.stiffness = (0..N).map(|row| changes[row] * self.weights[row]).fold(0.0, f64::max);
-        (self.serves, self.is_fresh, self.inverse_of) = (SERVES, true, 0.0);
+        (self.serves, self.is_fresh, self.inverse_of) = (chosen!(SERVES), true, 0.0);
     }
 
     /// Prepares a step of a length. Returns whether its linear equations have a solution.
     fn prepare(&mut self, length: f64) -> bool {
-        if (self.inverse_of - length).abs() <= SIMILAR * length {
+        if (self.inverse_of - length).abs() <= chosen!(SIMILAR) * length {
             return true;
         }
         let weight = METHOD.gamma * length;

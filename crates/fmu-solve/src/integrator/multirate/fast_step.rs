@@ -6,7 +6,7 @@ use super::course::{Course, METHOD, STAGES, product};
 
 /// The weights of the stages' values in the slopes at both ends of the polynomial through them, relative to the step.
 const STAGE_SLOPES: [[f64; STAGES]; 2] = [slope_weights(0.0), slope_weights(1.0)];
-/// The largest value of the cubic with the slope 1 at one end, relative to its length.
+/// The largest value of the cubic with the slope 1 at one end, relative to its length: θ·(1 − θ)² at a third.
 pub(super) const BULGE: f64 = 4.0 / 27.0;
 
 /// The states and derivatives of a step's stages after the first.

@@ -8,7 +8,7 @@ use super::fast_step::{BULGE, FastStep, Stages};
 use crate::integrator::Trials;
 use crate::integrator::system::{Part, StepFailure, TwoParts};
 
-/// The maximum lead of the fast part, in steps.
+/// The maximum lead of the fast part, in steps. [Chosen](crate::chosen).
 pub(super) const MOST_AHEAD: usize = 16;
 
 /// The fast part at work, and what both parts need.
@@ -70,7 +70,7 @@ impl<S: TwoParts, const FAST: usize> Parts<'_, S, FAST> {
     #[inline(never)]
     fn lead_to<const SLOW: usize>(&mut self, time: f64, slow: &[f64; SLOW]) -> Result<(), StepFailure> {
         let Self { system, fast, ahead, stages, end, trials, .. } = self;
-        while fast.time < time && ahead.len() < MOST_AHEAD {
+        while fast.time < time && ahead.len() < chosen!(MOST_AHEAD) {
             let is_last = trials.add();
             let (begin, states, slopes) = (fast.time, fast.states, fast.slopes);
             if fast.serves == 0 {

@@ -4,11 +4,11 @@
 use super::*;
 
 /// Random numbers (splitmix64).
-struct Random(u64);
+pub(super) struct Random(pub(super) u64);
 
 impl Random {
     /// A number from 0 to 1.
-    fn number(&mut self) -> f64 {
+    pub(super) fn number(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut x = self.0;
         x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -18,14 +18,14 @@ impl Random {
 
     /// A position below a number.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it is below the number")]
-    fn below(&mut self, number: usize) -> usize {
+    pub(super) fn below(&mut self, number: usize) -> usize {
         (self.number() * number as f64) as usize
     }
 }
 
 /// Nodes that exchange heat by random links, radiate, and lose heat to the ambient.
 #[derive(Clone)]
-struct Network {
+pub(super) struct Network {
     links: Vec<(usize, usize, f64)>,
     /// The loss of each node, and the reciprocal of its capacity.
     nodes: Vec<(f64, f64)>,
@@ -33,7 +33,7 @@ struct Network {
 
 impl Network {
     /// A network of so many nodes with so many links each, with capacities over a range.
-    fn new(size: usize, links: usize, stiffness: f64, random: &mut Random) -> Self {
+    pub(super) fn new(size: usize, links: usize, stiffness: f64, random: &mut Random) -> Self {
         let conductance = |random: &mut Random| 0.1 * 100.0_f64.powf(random.number());
         // A ring, so that no node is apart.
         let mut all: Vec<_> = (0..size).map(|node| (node, (node + 1) % size, conductance(random))).collect();
@@ -52,12 +52,12 @@ impl Network {
         Self { links: all, nodes }
     }
 
-    fn start(&self, random: &mut Random) -> Vec<f64> {
+    pub(super) fn start(&self, random: &mut Random) -> Vec<f64> {
         self.nodes.iter().map(|_| random.number()).collect()
     }
 
     /// The slowest time constant, without radiation, by inverse iteration.
-    fn slowest(&self) -> f64 {
+    pub(super) fn slowest(&self) -> f64 {
         let size = self.nodes.len();
         let (mut matrix, mut pivots) = (vec![0.0; size * size], vec![0; size]);
         let mut add = |row: usize, column: usize, value: f64| matrix[row * size + column] += value;
@@ -104,6 +104,19 @@ impl Rates for Network {
     }
 }
 
+/// The operations of a factorization and of a solution for so many states with a pattern.
+pub(super) fn of_equations(pattern: &Pattern, size: usize) -> [f64; 2] {
+    if pattern.is_full() {
+        let size = size as f64;
+        [size * size * size / 3.0, size * size]
+    } else {
+        let elimination = pattern.elimination();
+        let [one, none] = [1, 0].map(|solutions| elimination.multiplications(solutions) as f64);
+        // The places of the elements are looked up.
+        [2.0 * none, 2.0 * (one - none)]
+    }
+}
+
 /// What a run costs.
 #[derive(Debug)]
 struct Cost {
@@ -124,15 +137,7 @@ fn cost<S: System>(
     let tolerance = Tolerance { relative: 1e-6, nominals: &nominals };
     let pattern = system.pattern(0.0, start);
     let operations = pattern.operations() as f64;
-    let (of_factors, of_solution) = if pattern.is_full() {
-        let size = size as f64;
-        (size * size * size / 3.0, size * size)
-    } else {
-        let elimination = pattern.elimination();
-        let [one, none] = [1, 0].map(|solutions| elimination.multiplications(solutions) as f64);
-        // The places of the elements are looked up.
-        (2.0 * none, 2.0 * (one - none))
-    };
+    let [of_factors, of_solution] = of_equations(&pattern, size);
     let mut integrator = Integrator::new(size);
     let (mut states, mut switches, mut found) = (start.to_vec(), 0, None);
     for step in 0..steps {
@@ -202,7 +207,7 @@ fn the_methods_do_not_go_back_and_forth_in_twenty_networks() {
 
 /// Diffusion and reaction of a fast species with a slow one that does not diffuse, on a grid of random coefficients.
 #[derive(Clone)]
-struct Reaction {
+pub(super) struct Reaction {
     width: usize,
     conductances: Vec<[f64; 2]>,
     speeds: Vec<f64>,
@@ -211,7 +216,7 @@ struct Reaction {
 
 impl Reaction {
     /// A grid of so many cells a side, of conductances around `speed` over a range.
-    fn new(width: usize, spread: f64, speed: f64, random: &mut Random) -> Self {
+    pub(super) fn new(width: usize, spread: f64, speed: f64, random: &mut Random) -> Self {
         let cells = width * width;
         let mut number = || speed * spread.powf(random.number() - 0.5);
         let conductances = (0..cells).map(|_| [number(), number()]).collect();
