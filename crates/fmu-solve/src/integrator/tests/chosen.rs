@@ -258,11 +258,9 @@ fn neither_half_nor_twice_of_a_chosen_constant_of_two_rates_is_better() {
         };
         let size = power(-2.0, -0.5);
         // Jumps of all sizes, or none.
-        let mut input = 1.0;
-        let inputs = (0..30).map(|_| {
-            input +=
-                if random.number() < 0.5 { 0.0 } else { 10.0_f64.powf(-5.0 * random.number()) - 0.3 * input };
-            input
+        let inputs = (0..30).map(|_| match random.number() {
+            which if which < 0.5 => 1.0,
+            _ => 1.0 + 10.0_f64.powf(-5.0 * random.number()),
         });
         problems.push(halves(of, size, inputs.collect()));
     }
