@@ -2,7 +2,7 @@
 // The equations of models may one day run without the standard library.
 #![warn(clippy::std_instead_of_core)]
 
-// Each module depends only on those below it:
+// The modules, of which each uses only those below it, as `tests/circles` checks:
 //
 //   integration                           how the equations of a model are integrated
 //   event_loop, steady_state              from event to event, and starts at rest

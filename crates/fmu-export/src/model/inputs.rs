@@ -93,7 +93,12 @@ impl<I: Inputs> InputSignal<I> {
     /// Constant inputs.
     pub fn constant(inputs: &I) -> Self {
         let mut signal = Self {
-            reals: (0..I::REALS.len()).map(|_| RealSignal::default()).collect(),
+            reals: (0..I::REALS.len())
+                .map(|position| {
+                    let set = inputs.real(position);
+                    RealSignal { set, is_outside: !is_within::<I>(position, set), ..RealSignal::default() }
+                })
+                .collect(),
             order: 0,
             sloped: false,
             outside: 0,
@@ -101,10 +106,7 @@ impl<I: Inputs> InputSignal<I> {
             changed: true,
             inputs: PhantomData,
         };
-        for position in 0..I::REALS.len() {
-            signal.take(position, inputs.real(position));
-        }
-        signal.changed = true;
+        signal.count_outside();
         signal
     }
 

@@ -18,9 +18,9 @@ use super::event_mode::EventMode;
 use super::exchange::Exchange;
 use super::fmu::{Fmu, reference};
 use super::folder;
-use super::integration::Integration;
 use super::messages::{self, CallFailed, Message};
 use super::selection::Selection;
+use super::solver::Solver;
 use super::stepping::Stepping;
 
 impl Fmu {
@@ -88,7 +88,7 @@ enum Advance {
     /// The FMU steps, and handles its events in Event Mode if it uses that.
     CoSimulation(Stepping, Option<EventMode>),
     /// This crate integrates the FMU's equations, once it is initialized.
-    ModelExchange(Exchange, EventMode, Option<Box<Integration>>),
+    ModelExchange(Exchange, EventMode, Option<Box<Solver>>),
 }
 
 /// An instance of an [`Fmu`], bound to the thread that created it. Dropping it terminates and frees it.
@@ -112,7 +112,7 @@ pub struct SavedState {
     handle: Rc<dyn Common>,
     time: Option<f64>,
     events: Option<EventMode>,
-    integration: Option<Box<Integration>>,
+    solver: Option<Box<Solver>>,
     arrays: Option<BTreeMap<ValueReference, Vec<f64>>>,
 }
 
@@ -123,11 +123,11 @@ impl Drop for SavedState {
 }
 
 impl Advance {
-    /// The events, if the instance uses Event Mode, and the integration, if there is one.
-    fn parts(&mut self) -> (Option<&mut EventMode>, Option<&mut Box<Integration>>) {
+    /// The events, if the instance uses Event Mode, and the solver, if there is one.
+    fn parts(&mut self) -> (Option<&mut EventMode>, Option<&mut Box<Solver>>) {
         match self {
             Self::CoSimulation(_, events) => (events.as_mut(), None),
-            Self::ModelExchange(_, events, integration) => (Some(events), integration.as_mut()),
+            Self::ModelExchange(_, events, solver) => (Some(events), solver.as_mut()),
         }
     }
 
@@ -215,8 +215,8 @@ impl Instance {
         if let Some(events) = advance.events_mut() {
             events.begin();
         }
-        if let Advance::ModelExchange(exchange, _, integration) = advance {
-            *integration = Some(Box::new(Integration::new(calls, exchange, time)?));
+        if let Advance::ModelExchange(exchange, _, solver) = advance {
+            *solver = Some(Box::new(Solver::new(calls, exchange, time)?));
         }
         Ok(())
     }
@@ -255,9 +255,7 @@ impl Instance {
     pub(crate) fn advance(&mut self, time: f64, size: f64) -> Result<()> {
         let Self { calls, advance, .. } = self;
         match advance {
-            Advance::ModelExchange(_, events, Some(integration)) => {
-                integration.step(calls, events, time, size)
-            }
+            Advance::ModelExchange(_, events, Some(solver)) => solver.step(calls, events, time, size),
             Advance::ModelExchange(..) => bail!("{}: the instance is not initialized", calls.name),
             Advance::CoSimulation(stepping, Some(events)) => events.co_simulate(calls, stepping, time, size),
             Advance::CoSimulation(stepping, None) => {
@@ -307,11 +305,11 @@ impl Instance {
     /// inputs can be set then.
     pub(crate) fn begin_event(&mut self, point: f64, until: f64) -> Result<()> {
         let Self { calls, advance, .. } = self;
-        let (events, integration) = advance.parts();
+        let (events, solver) = advance.parts();
         let Some(events) = events.filter(|events| !events.is_entered()) else { return Ok(()) };
         let time = events.time_at(point, until);
-        if let Some(integration) = integration {
-            integration.go_to(calls, time)?;
+        if let Some(solver) = solver {
+            solver.go_to(calls, time)?;
         }
         events.enter(calls)?;
         calls.begin_stretch(time)
@@ -320,14 +318,14 @@ impl Instance {
     /// Handles the events at a communication point (s), until a time (s), and leaves Event Mode.
     pub(crate) fn finish_event(&mut self, point: f64, until: f64) -> Result<()> {
         let Self { calls, advance, .. } = self;
-        let (events, integration) = advance.parts();
+        let (events, solver) = advance.parts();
         let Some(events) = events else { return Ok(()) };
         let time = events.time_at(point, until);
         let late = until - time;
-        match integration {
-            Some(integration) => {
+        match solver {
+            Some(solver) => {
                 let is_sharp = events.has_due(until);
-                integration.handle(calls, events, (time, late), is_sharp, false)
+                solver.handle(calls, events, (time, late), is_sharp, false)
             }
             None => events.handle(calls, (time, late), false),
         }
@@ -465,13 +463,13 @@ impl Instance {
             bail!("{}: the FMU cannot save its state", self.calls.name);
         };
         self.calls.check(&[], called)?;
-        let (events, integration) = self.advance.parts();
+        let (events, solver) = self.advance.parts();
         Ok(SavedState {
             saved,
             handle: Rc::clone(&self.calls.handle),
             time: self.calls.time(),
             events: events.cloned(),
-            integration: integration.cloned(),
+            solver: solver.cloned(),
             arrays: self.arrays.clone(),
         })
     }
@@ -491,11 +489,11 @@ impl Instance {
         self.calls.set_time(saved.time);
         match &mut self.advance {
             Advance::CoSimulation(_, events) => events.clone_from(&saved.events),
-            Advance::ModelExchange(_, events, integration) => {
+            Advance::ModelExchange(_, events, solver) => {
                 if let Some(saved) = &saved.events {
                     events.clone_from(saved);
                 }
-                integration.clone_from(&saved.integration);
+                solver.clone_from(&saved.solver);
             }
         }
         self.arrays.clone_from(&saved.arrays);

@@ -21,11 +21,11 @@ mod folder;
 mod followed;
 mod following;
 mod instance;
-mod integration;
 mod linearization;
 mod messages;
 mod numbers;
 mod selection;
+mod solver;
 mod stepping;
 #[cfg(test)]
 mod tests;

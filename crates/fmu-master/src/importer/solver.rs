@@ -23,9 +23,9 @@ use super::exchange::Exchange;
 use super::fmu::Fmu;
 use super::messages::is_discarded;
 
-/// The solution of an instance's equations up to now.
+/// The solver of an instance of Model Exchange: the solution of its equations up to now.
 #[derive(Clone)]
-pub struct Integration {
+pub struct Solver {
     integrator: Integrator,
     /// The signs of the event indicators.
     events: Events,
@@ -35,12 +35,12 @@ pub struct Integration {
     time: f64,
     states: Vec<f64>,
     nominals: Vec<f64>,
-    equations: Equations,
+    evaluator: Evaluator,
 }
 
 /// What evaluates an FMU's equations.
 #[derive(Clone)]
-struct Equations {
+struct Evaluator {
     exchange: Exchange,
     /// The references of the derivatives and of the states, arrays as a whole.
     derivatives: Vec<ValueReference>,
@@ -60,7 +60,7 @@ struct Equations {
     doubted: Option<usize>,
 }
 
-impl Equations {
+impl Evaluator {
     /// Products of the Jacobian by the FMU's directional derivatives, by rows.
     fn direct(&mut self, calls: &mut Calls, columns: &Columns<'_>, products: &mut [f64]) -> Result<()> {
         let Self { derivatives: of, states: by, direction, along, .. } = self;
@@ -176,7 +176,7 @@ fn elements(places: &Range<usize>, number: usize) -> Option<Range<usize>> {
     (before < places.len()).then(|| places.start + before..places.start + number)
 }
 
-impl Integration {
+impl Solver {
     /// Starts after the initialization, at its time (s). The initial event follows.
     pub fn new(calls: &mut Calls, exchange: &Exchange, time: f64) -> Result<Self> {
         let indicators = calls.fmu.description().number_of_event_indicators()?;
@@ -193,7 +193,7 @@ impl Integration {
             time,
             states: vec![0.0; size],
             nominals: vec![1.0; size],
-            equations: Equations {
+            evaluator: Evaluator {
                 exchange: exchange.clone(),
                 derivatives,
                 states,
@@ -211,7 +211,7 @@ impl Integration {
 
     /// Brings the FMU to a time (s), at the present states.
     pub fn go_to(&self, calls: &mut Calls, time: f64) -> Result<()> {
-        self.equations.exchange.go_to(calls, time, &self.states)
+        self.evaluator.exchange.go_to(calls, time, &self.states)
     }
 
     /// Handles an event as [`EventMode::handle`] does. If `is_sharp`, the solution may bend there and the integrator
@@ -226,17 +226,17 @@ impl Integration {
     ) -> Result<()> {
         events.handle(calls, (time, late), is_watched)?;
         self.time = time;
-        let before = &mut self.equations.direction;
+        let before = &mut self.evaluator.direction;
         before.copy_from_slice(&self.states);
-        let exchange = &self.equations.exchange;
+        let exchange = &self.evaluator.exchange;
         exchange.get_vector(calls, Vector::States, &mut self.states)?;
         if is_sharp || *before != self.states {
             self.integrator.restart();
         }
         exchange.get_nominals(calls, &mut self.nominals)?;
-        exchange.read_indicators(calls, &mut self.equations.indicators, time)?;
-        let Self { events, equations, .. } = self;
-        Ok(events.begin(time, &[], |indicators| indicators.copy_from_slice(&equations.indicators))?)
+        exchange.read_indicators(calls, &mut self.evaluator.indicators, time)?;
+        let Self { events, evaluator, .. } = self;
+        Ok(events.begin(time, &[], |indicators| indicators.copy_from_slice(&evaluator.indicators))?)
     }
 
     /// Steps from a time (s) by a size (s).
@@ -249,7 +249,7 @@ impl Integration {
         // The last event may have been handled a little late.
         let place = (self.time - start).max(0.0);
         let mut evolution =
-            Evolution { integration: self, calls, event_mode: events, start, size, place, relative };
+            SolverStep { solver: self, calls, event_mode: events, start, size, place, relative };
         // Events at the end belong to the communication point there.
         EventLoop::new((start, size, End::of_any(start, size)), true, MOST_TRIALS)
             .go_on::<false, _>(&mut evolution, Stops::NONE)?;
@@ -259,8 +259,8 @@ impl Integration {
 }
 
 /// A communication step, from event to event.
-struct Evolution<'a> {
-    integration: &'a mut Integration,
+struct SolverStep<'a> {
+    solver: &'a mut Solver,
     calls: &'a mut Calls,
     event_mode: &'a mut EventMode,
     /// The communication step, and the present place in it (s).
@@ -271,7 +271,7 @@ struct Evolution<'a> {
     relative: f64,
 }
 
-impl Hybrid for Evolution<'_> {
+impl Hybrid for SolverStep<'_> {
     type Error = Error;
 
     fn next_event(&self) -> Option<f64> {
@@ -283,7 +283,7 @@ impl Hybrid for Evolution<'_> {
     }
 
     fn time(&self) -> f64 {
-        self.integration.time
+        self.solver.time
     }
 
     fn elapsed(&self) -> f64 {
@@ -291,10 +291,10 @@ impl Hybrid for Evolution<'_> {
     }
 
     fn integrate(&mut self, target: f64, trials: Trials<'_>) -> Result<bool> {
-        let Self { integration, calls, start, size, place, relative, .. } = self;
-        let Integration { integrator, events, look, time, states, nominals, equations } = &mut **integration;
+        let Self { solver, calls, start, size, place, relative, .. } = self;
+        let Solver { integrator, events, look, time, states, nominals, evaluator } = &mut **solver;
         let tolerance = Tolerance { relative: *relative, nominals };
-        let mut solved = Solved { calls, equations, tolerance, start: *start, size: *size, failure: None };
+        let mut solved = Solved { calls, evaluator, tolerance, start: *start, size: *size, failure: None };
         let step = integrator.step(&mut solved, (*place, target), states, &tolerance, trials.count);
         let reached = match (step, solved.failure.take()) {
             (Ok(reached), None) => reached,
@@ -305,33 +305,33 @@ impl Hybrid for Evolution<'_> {
                 bail!("{}: {}", calls.name, failure.error(*time, state, *relative))
             }
         };
-        let mut path = Path { solved, integrator, events, states, look, place: *place };
-        let has_event = if path.solved.equations.indicators.is_empty() {
+        let mut path = StepPath { solved, integrator, events, states, look, place: *place };
+        let has_event = if path.solved.evaluator.indicators.is_empty() {
             path.go_to(reached)?
         } else {
             first_event(&mut path, *start, (*place, reached), trials.count)?
         };
         *place = path.place;
         *time = path.solved.time(*place);
-        let has_other = path.solved.equations.exchange.complete_step(path.solved.calls, *time)?;
+        let has_other = path.solved.evaluator.exchange.complete_step(path.solved.calls, *time)?;
         Ok(has_event || has_other)
     }
 
     fn handle(&mut self, due: Option<f64>) -> Result<bool> {
-        let Self { integration, calls, event_mode, .. } = self;
-        let mut time = integration.time;
+        let Self { solver, calls, event_mode, .. } = self;
+        let mut time = solver.time;
         if let Some(due) = due.filter(|due| *due > time) {
             time = due;
-            integration.go_to(calls, time)?;
+            solver.go_to(calls, time)?;
         }
         // A jump of an input is no event.
         let is_watched = due.is_none() || event_mode.has_due(time);
-        integration.handle(calls, event_mode, (time, 0.0), true, is_watched)?;
+        solver.handle(calls, event_mode, (time, 0.0), true, is_watched)?;
         Ok(true)
     }
 
     fn abandoned(&self, most_trials: u32, _events: u32) -> Error {
-        let abandoned = event_loop::abandoned(self.start, self.integration.time, most_trials);
+        let abandoned = event_loop::abandoned(self.start, self.solver.time, most_trials);
         anyhow!("{}: {abandoned}", self.calls.name)
     }
 }
@@ -339,7 +339,7 @@ impl Hybrid for Evolution<'_> {
 /// The equations in a communication step.
 struct Solved<'a> {
     calls: &'a mut Calls,
-    equations: &'a mut Equations,
+    evaluator: &'a mut Evaluator,
     tolerance: Tolerance<'a>,
     /// The communication step (s).
     start: f64,
@@ -362,12 +362,12 @@ impl Solved<'_> {
         products: &mut [f64],
         by_time: &mut [f64],
     ) -> Result<()> {
-        let Equations { exchange, here, .. } = &mut *self.equations;
+        let Evaluator { exchange, here, .. } = &mut *self.evaluator;
         exchange.derivatives_at(self.calls, time, states, here)?;
         if directions.count() > 0 {
             self.fill(time, states, &Columns::new(directions, states.len()), products)?;
         }
-        let Equations { exchange, along, here, .. } = &mut *self.equations;
+        let Evaluator { exchange, along, here, .. } = &mut *self.evaluator;
         let later = Place::new(time, self.size, (f64::NEG_INFINITY, f64::INFINITY)).moved();
         exchange.derivatives_at(self.calls, later, states, along)?;
         for ((by_time, along), here) in by_time.iter_mut().zip(&*along).zip(&*here) {
@@ -381,18 +381,18 @@ impl Solved<'_> {
         let places = places(&self.calls.fmu, states, self.tolerance.nominals);
         let calls = &mut *self.calls;
         if calls.has_directional_derivatives {
-            self.equations.direct(calls, columns, products)?;
+            self.evaluator.direct(calls, columns, products)?;
         } else {
-            self.equations.difference(calls, time, (states, &places), columns, products)?;
+            self.evaluator.difference(calls, time, (states, &places), columns, products)?;
         }
         if columns.is_full()
-            && let Some(row) = self.equations.doubted.take()
+            && let Some(row) = self.evaluator.doubted.take()
         {
-            self.equations.confirm_doubt(calls, row, products);
+            self.evaluator.confirm_doubt(calls, row, products);
         }
         let mut is_complete = true;
         if calls.has_directional_derivatives || !columns.is_full() {
-            let Equations { exchange, here, check, .. } = &mut *self.equations;
+            let Evaluator { exchange, here, check, .. } = &mut *self.evaluator;
             let at = Use {
                 time,
                 states,
@@ -413,13 +413,13 @@ impl Solved<'_> {
                     );
                     calls.warn(warning);
                     calls.has_directional_derivatives = false;
-                    self.equations.difference(calls, time, (states, &places), columns, products)?;
+                    self.evaluator.difference(calls, time, (states, &places), columns, products)?;
                 }
                 Some(Wrong { row, .. }) => {
                     // Either the pattern or a derivative is wrong: the full Jacobian tells which.
-                    self.equations.pattern = Arc::new(Pattern::full());
-                    self.equations.doubted = Some(row);
-                    self.equations.check.begin();
+                    self.evaluator.pattern = Arc::new(Pattern::full());
+                    self.evaluator.doubted = Some(row);
+                    self.evaluator.check.begin();
                     is_complete = false;
                 }
                 None => {}
@@ -452,7 +452,7 @@ impl System for Solved<'_> {
     fn derivatives(&mut self, place: f64, states: &[f64], derivatives: &mut [f64]) {
         self.try_to(derivatives, |solved, derivatives| {
             let time = solved.time(place);
-            solved.equations.exchange.derivatives_at(solved.calls, time, states, derivatives)
+            solved.evaluator.exchange.derivatives_at(solved.calls, time, states, derivatives)
         });
     }
 
@@ -481,14 +481,14 @@ impl System for Solved<'_> {
         let mut jacobian = vec![0.0; size * size];
         self.try_to(&mut jacobian, |solved, jacobian| {
             let time = solved.time(place);
-            let Equations { exchange, here, .. } = &mut *solved.equations;
+            let Evaluator { exchange, here, .. } = &mut *solved.evaluator;
             exchange.derivatives_at(solved.calls, time, states, here)?;
             let columns = Columns::full(size);
             if solved.calls.has_directional_derivatives {
-                solved.equations.direct(solved.calls, &columns, jacobian)
+                solved.evaluator.direct(solved.calls, &columns, jacobian)
             } else {
                 let places = places(&solved.calls.fmu, states, solved.tolerance.nominals);
-                solved.equations.difference(solved.calls, time, (states, &places), &columns, jacobian)
+                solved.evaluator.difference(solved.calls, time, (states, &places), &columns, jacobian)
             }
         });
         for &row in rows {
@@ -497,12 +497,12 @@ impl System for Solved<'_> {
     }
 
     fn pattern(&mut self, _place: f64, _states: &[f64]) -> Pattern {
-        (*self.equations.pattern).clone()
+        (*self.evaluator.pattern).clone()
     }
 }
 
 /// The last step of the integrator, along which events are searched.
-struct Path<'a> {
+struct StepPath<'a> {
     solved: Solved<'a>,
     integrator: &'a mut Integrator,
     events: &'a mut Events,
@@ -511,7 +511,7 @@ struct Path<'a> {
     place: f64,
 }
 
-impl Trajectory for Path<'_> {
+impl Trajectory for StepPath<'_> {
     type Error = Error;
 
     fn events(&mut self) -> &mut Events {
@@ -526,8 +526,8 @@ impl Trajectory for Path<'_> {
         self.place = place;
         self.integrator.states_at(&mut self.solved, place, self.states);
         let time = self.solved.time(place);
-        let Solved { calls, equations, .. } = &mut self.solved;
-        let Equations { exchange, indicators, .. } = &mut **equations;
+        let Solved { calls, evaluator, .. } = &mut self.solved;
+        let Evaluator { exchange, indicators, .. } = &mut **evaluator;
         exchange.go_to(calls, time, self.states)?;
         exchange.read_indicators(calls, indicators, time)?;
         let read = |to: &mut [f64]| to.copy_from_slice(indicators);
