@@ -11,7 +11,7 @@ import pytest
 
 from fmu import ROOT, TARGET
 
-USE = """use fmu_export::{Context, Equations, Error, InputsOf, Model, Number, Persistent, Sampled, Step};
+USE = """use fmu_export::{Context, Equations, Error, Number, Persistent, Sampled, Step, Stepper};
 """
 
 EQUATIONS = """
@@ -23,11 +23,11 @@ impl Equations for Motor {
 }
 """
 
-MODEL = """
-impl Model for Motor {
+STEPPER = """
+impl Stepper for Motor {
     type Variables = Variables;
     fn step(
-        &mut self, _: &mut Variables, _: &Step<'_, InputsOf<Self>>, _: &mut Context<'_>,
+        &mut self, _: &mut Variables, _: &Step<'_, Inputs>, _: &mut Context<'_>,
     ) -> Result<(), Error> {
         Ok(())
     }
@@ -38,7 +38,7 @@ TICKED = """
 impl Sampled for Motor {
     type Variables = Variables;
     fn sample(
-        &mut self, _: fmu_export::Sample, _: &mut Variables, _: &Inputs, _: &mut Context<'_>,
+        &mut self, _: fmu_export::Sample, _: &mut Variables, _: &mut Context<'_>,
     ) -> Result<(), Error> {
         Ok(())
     }
@@ -56,29 +56,29 @@ MEMORY = "#[derive(Clone, Debug, Default{})]\nstruct Motor {{ {} }}\n"
 
 MISTAKES = {
     # The model, and the beginning of the first line.
-    "equations_as_model": (
-        "fmu!(struct Motor);" + EQUATIONS,
-        "`Motor` does not implement `Model`: write `fmu!(equations Motor)`",
+    "equations_as_stepper": (
+        "fmu!(stepper struct Motor);" + EQUATIONS,
+        "`Motor` does not implement `Stepper`: write `fmu!(equations Motor)`",
     ),
-    "sampled_as_model": (
-        "fmu!(struct Motor);" + SAMPLED,
-        "`Motor` does not implement `Model`: write `fmu!(equations Motor)`",
+    "sampled_as_stepper": (
+        "fmu!(stepper struct Motor);" + SAMPLED,
+        "`Motor` does not implement `Stepper`: write `fmu!(equations Motor)`",
     ),
-    "model_as_equations": (
-        "fmu!(equations struct Motor);" + MODEL,
-        "`Motor` does not implement `Equations`: write `fmu!(Motor)`",
+    "stepper_as_equations": (
+        "fmu!(equations struct Motor);" + STEPPER,
+        "`Motor` does not implement `Equations`: write `fmu!(sampled Motor)`",
     ),
     "sampled_as_equations": (
         "fmu!(equations struct Motor);" + SAMPLED,
-        "`Motor` does not implement `Equations`: write `fmu!(Motor)`",
+        "`Motor` does not implement `Equations`: write `fmu!(sampled Motor)`",
     ),
     "equations_as_sampled": (
         "fmu!(sampled struct Motor);" + EQUATIONS,
-        "`Motor` does not implement `Sampled`: write `fmu!(Motor)`",
+        "`Motor` does not implement `Sampled`: write `fmu!(equations Motor)`",
     ),
     "nothing_implemented": (
         "fmu!(equations struct Motor);",
-        "`Motor` does not implement `Equations`: write `fmu!(Motor)`",
+        "`Motor` does not implement `Equations`: write `fmu!(sampled Motor)`",
     ),
     "evaluation_changes_a_state": (
         "fmu!(equations struct Motor);" + with_first("variables.states.speed = T::from(0.5);"),
@@ -254,12 +254,12 @@ def test_a_sampled_model_with_neither_period_nor_clocks_is_refused(tmp_path: Pat
     ("model", "variables", "message"),
     [
         (
-            "fmu!(struct Motor);" + MODEL,
+            "fmu!(stepper struct Motor);" + STEPPER,
             {"FMU_INTERFACES": "me"},
             "this model cannot be exported for Model Exchange",
         ),
         (
-            "fmu!(struct Motor);" + MODEL,
+            "fmu!(stepper struct Motor);" + STEPPER,
             {"FMU_INTERFACES": "se", "FMU_FMI_VERSION": "3"},
             "this model cannot be exported for Scheduled Execution",
         ),
