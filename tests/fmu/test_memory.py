@@ -24,9 +24,9 @@ NAMES = pytest.mark.parametrize("name", ["BoostPlant", "BoostController"])
 
 @pytest.fixture(scope="module")
 def host() -> Path:
-    """The program, which the tests of its package compile."""
+    """The program, an example of its package."""
     program = TARGET.resolve() / "debug" / "examples" / "host"
-    assert program.is_file(), f"{program} is missing: bash tests/run compiles it"
+    assert program.is_file(), f"{program} is missing: bash tests/run rest compiles it"
     return program
 
 
