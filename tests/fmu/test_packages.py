@@ -370,7 +370,7 @@ def is_of_registry(dependency):
 
 def test_the_registry_accepts_the_packages():
     packages = [package for package in metadata(ROOT) if package["publish"] is None]
-    (exporter,) = re.findall(r"^exporter=\(([^)]*)\)$", (ROOT / "tests/prepare").read_text(), re.MULTILINE)
+    (exporter,) = re.findall(r"^exporter=\(([^)]*)\)$", (ROOT / "tests/steps").read_text(), re.MULTILINE)
     assert sorted(package["name"] for package in packages) == sorted(exporter.split())
     assert {package["name"]: refused(package) for package in packages if refused(package)} == {}
 

@@ -130,7 +130,7 @@ def test_test_command_is_there() -> None:
 def test_system_lines(clone: Path) -> None:
     """Those that check and couple the template, except for its export, which `tests/run` does."""
     assert TEMPLATE in SYSTEM_LINES
-    assert 'export_from examples/minimal-controller "$target/fmu"' in (ROOT / "tests" / "run").read_text()
+    assert 'export_from examples/minimal-controller "$target/fmu"' in (ROOT / "tests" / "steps").read_text()
     for line in SYSTEM_LINES:
         if line != TEMPLATE:
             run(line, clone)
