@@ -16,7 +16,7 @@ from fmpy.fmi3 import FMU3Slave
 from wasmtime import FuncType, Linker, Memory, Module, Store, ValType
 
 from fmu import TARGET, Run
-from fmu.compile_sources import compile_sources, copy_without_libraries
+from fmu.compile_sources import copy_without_libraries
 from fmu.experiments import BOOST_STEPS, BOOST_STEPS_END, couple_running, scenario, staircase
 from fmu.master import Fmu, Instance, Master, Reals
 from fmu.recorded import INPUTS, OUTPUTS, STATES, STEP, Recording
@@ -89,13 +89,18 @@ def test_an_array_of_states(kind: str) -> None:
     assert results[0].tobytes() == results[1].tobytes()
 
 
-@pytest.mark.parametrize(("sources", "name"), [("ladder", "VanDerPol"), ("diffusion/fmi3", "Diffusion")])
+@pytest.mark.parametrize(
+    ("exported", "by_fmpy"),
+    [
+        ("sources/ladder/VanDerPol.fmu", "compiled/sources/ladder/VanDerPol.fmu"),
+        ("sources/diffusion/fmi3/Diffusion.fmu", "compiled/ladder-fmi3/fmu/fmi3/Diffusion.fmu"),
+    ],
+)
 def test_cargo_fmu_compiles_them_as_fmpy_does(
-    cargo_fmu: Run, tmp_path: Path, sources: str, name: str
+    cargo_fmu: Run, tmp_path: Path, exported: str, by_fmpy: str
 ) -> None:
     """Records of the library that it makes, of FMPy's and of the native one are equal, bit for bit."""
-    exported, by_fmpy = TARGET / "sources" / sources / f"{name}.fmu", tmp_path / "fmpy.fmu"
-    compile_sources(exported, by_fmpy)
+    exported, by_fmpy = TARGET / exported, TARGET / by_fmpy
     bare, compiled = tmp_path / "bare.fmu", tmp_path / "compiled.fmu"
     copy_without_libraries(exported, bare)
     done = cargo_fmu("compile", bare, "--out", compiled)
