@@ -81,7 +81,6 @@ def test_simulate_gets_the_numbers_of_fmpy(
     # The comparison would not detect constant columns.
     assert sum(np.ptp(column) > 0 for column in found.values()) > 10
     report = Report(tmp_path / "steps.html")
-    report.assert_complete()
     # In kPa, and rounded to at most a ten-thousandth of the panel's range, which is below 200 kPa.
     drawn = report.line("boost_pressure")["y"]
     extremes = 1e-3 * np.array([found["boost_pressure"].min(), found["boost_pressure"].max()])

@@ -495,9 +495,11 @@ fn cargo(command: &str, name: &str, program: &str) -> Output {
     write("src/main.rs", program);
     fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../../Cargo.lock"), folder.join("Cargo.lock"))
         .expect("the folder for tests is writable");
+    // Exports of models have compiled the exporter there, without debug information.
     Command::new(env!("CARGO"))
         .args([command, "--quiet", "--offline", "--target-dir"])
-        .arg(Path::new(env!("CARGO_TARGET_TMPDIR")).join("types-target"))
+        .arg(concat!(env!("CARGO_TARGET_TMPDIR"), "/.."))
+        .env("CARGO_PROFILE_DEV_DEBUG", "0")
         .current_dir(&folder)
         .output()
         .expect("cargo runs")

@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from fmu.pages.visit import HEIGHT, PAGES, PICTURES, REPORTS, Visit
+from fmu.report import Report
 
 pytestmark = pytest.mark.browser
 
@@ -123,5 +124,11 @@ def test_names_break_between_words(visit: Visit) -> None:
 
 
 @pytest.mark.parametrize("name", REPORTS)
-def test_report_is_of_moderate_size(files: dict[str, Path], name: str) -> None:
-    assert files[name].stat().st_size < LARGEST
+def test_report_needs_no_other_file(files: dict[str, Path], name: str) -> None:
+    """It fetches nothing, has no name twice, and fits into 2.5 MB."""
+    report = Report(files[name])
+    assert report.loads == []
+    assert "@import" not in report.text
+    assert "://" not in report.text.replace("http://www.w3.org/2000/svg", "")
+    assert len(report.names) == len(set(report.names))
+    assert report.size < LARGEST
