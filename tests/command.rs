@@ -41,14 +41,6 @@ fn fmu_of(name: &str, description: &str) -> String {
 }
 
 #[test]
-fn exit_statuses_are_in_the_help() {
-    let help = String::from_utf8(boost_fmu(&["--help"]).stdout).unwrap();
-    for status in ["  0    ", "  1    ", "  2    ", "  130  "] {
-        assert!(help.contains(status), "{help}");
-    }
-}
-
-#[test]
 fn hostile_archives_are_refused_with_a_reason() {
     let nested = format!("{}{}", "<a>".repeat(1000), "</a>".repeat(1000));
     let entity = r#"<!DOCTYPE b [<!ENTITY a "aaaaaaaaaa"><!ENTITY c "&a;&a;&a;&a;&a;&a;&a;&a;">]>
@@ -512,45 +504,6 @@ fn fitting(name: &str) -> [String; 2] {
 }
 
 #[test]
-fn an_identifier_that_is_a_path_is_refused_by_every_command() {
-    let folder = empty("identifiers");
-    let inner = folder.join("a/b");
-    fs::create_dir_all(&inner).unwrap();
-    let [plant, controller] = fitting("Evil");
-    let evil = plant.replace(r#"modelIdentifier="Evil_input""#, "modelIdentifier=\"../../evil\u{9b}2J\"");
-    let evil = archive("evil.fmu", "modelDescription.xml", &evil);
-    let controller = archive("controller.fmu", "modelDescription.xml", &controller);
-    for arguments in [
-        ["check", &evil, "--as", "plant"].as_slice(),
-        &["ssp", "--plant", &evil, "--controller", &controller],
-    ] {
-        let output = boost_fmu_in(&inner, arguments);
-        let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{printed}");
-        let reason = r"the modelIdentifier '../../evil\u{9b}2J' is not a C identifier";
-        assert!(printed.contains(&evil) && printed.contains(reason), "{arguments:?}: {printed}");
-        assert!(!printed.contains('\u{9b}'), "{printed:?}");
-    }
-    assert_eq!(names(&folder), ["a"]);
-    assert!(names(&inner).is_empty());
-}
-
-#[test]
-fn a_description_does_not_control_the_terminal() {
-    let harm = "\u{9d}0;title\u{9c}\u{9b}31m\u{202e}&#10;";
-    let shown = r"\u{9d}0;title\u{9c}\u{9b}31m\u{202e}\n";
-    let text = description("").replace(r#"modelName="Other""#, &format!(r#"modelName="e{harm}""#));
-    let fmu = fmu_of("harm.fmu", &text);
-    let printed = |arguments: &[&str]| {
-        let output = boost_fmu_in(&empty("harm"), arguments);
-        let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-        assert!(printed.chars().all(|character| character == '\n' || !character.is_control()), "{printed:?}");
-        printed
-    };
-    assert!(printed(&["check", &fmu, "--as", "plant"]).contains(&format!("e{shown}")));
-}
-
-#[test]
 fn outputs_that_are_inputs_are_refused() {
     let folder = empty("overlap");
     let [plant, controller] = fitting("Own");
@@ -571,44 +524,4 @@ fn outputs_that_are_inputs_are_refused() {
     }
     assert_eq!(fs::read(folder.join("plant.fmu")).unwrap(), plant);
     assert_eq!(names(&folder), ["controller.fmu", "plant.fmu", "set.ssv"]);
-}
-
-/// As on a full disk: no part of the file is left, and the error is reported once.
-#[cfg(unix)]
-#[test]
-fn a_failed_write_leaves_no_file() {
-    let folder = empty("full");
-    let [plant, controller] = fitting("Full");
-    let plant = fmu_of("full_plant.fmu", &plant);
-    let controller = fmu_of("full_controller.fmu", &controller);
-    let output = Command::new("sh")
-        .args(["-c", "trap '' XFSZ; ulimit -f 1; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_boost-fmu")])
-        .args(["ssp", "--plant", &plant, "--controller", &controller, "--out", "system.ssp"])
-        .current_dir(&folder)
-        .output()
-        .unwrap();
-    let printed = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{printed}");
-    assert_eq!(printed.matches("File too large").count(), 1, "{printed}");
-    assert!(names(&folder).is_empty(), "{:?}", names(&folder));
-}
-
-#[test]
-fn too_large_contents_are_refused() {
-    if cfg!(unix) {
-        let [plant, controller] = fitting("Large");
-        let plant = fmu_of("large_plant.fmu", &plant);
-        let controller = fmu_of("large_controller.fmu", &controller);
-        let ssp = ["ssp", "--plant", &plant, "--controller", &controller, "--out", "no.ssp"];
-        for arguments in [
-            [&ssp[..], &["--parameters", "/dev/zero"]].concat(),
-            [&ssp[..], &["--connections", "/dev/zero"]].concat(),
-            vec!["check", &plant, "--as", "plant", "--connections", "/dev/zero"],
-        ] {
-            let message = refusal(&arguments);
-            assert!(message.contains("/dev/zero: it is larger than 67108864 bytes"), "{message}");
-        }
-        let message = refusal(&["export", "--binary", "linux64=/dev/zero"]);
-        assert!(message.contains("/dev/zero: it is larger than 1073741824 bytes"), "{message}");
-    }
 }

@@ -47,14 +47,6 @@ impl Bench {
 }
 
 #[test]
-fn exit_statuses_are_in_the_help() {
-    let help = String::from_utf8(Bench::new().run(&["--help"]).stdout).unwrap();
-    for status in ["  0    ", "  1    ", "  2    ", "  130  "] {
-        assert!(help.contains(status), "{help}");
-    }
-}
-
-#[test]
 fn outputs_that_are_inputs_are_refused_before_anything_runs() {
     let bench = Bench::new();
     bench.write("signal.csv", "time,a\n0,1\n1,2\n");
@@ -105,44 +97,6 @@ fn a_page_is_made_of_modules_alone() {
     let message = bench.refusal(&["live", "--plant", "text.wasm", "--fmus", ".", "--out", "text.wasm"]);
     assert!(message.contains("the input text.wasm would be lost"), "{message}");
     assert!(!bench.path("live.html").exists() && bench.read("text.wasm") == "none");
-}
-
-#[test]
-fn a_missing_fmu_is_answered_with_what_to_do() {
-    let message = Bench::new().refusal(&["reproduce", "1"]);
-    assert!(message.contains("target/fmu/") && message.contains("`export` writes"), "{message}");
-}
-
-#[test]
-fn numbers_of_the_command_line_are_finite_and_in_their_range() {
-    let bench = Bench::new();
-    let tune = ["tune", "--plant", "plant.fmu"];
-    let identify = ["identify", "actuator", "a.csv", "--plant", "plant.fmu"];
-    for (command, option, expected, values) in [
-        (tune.as_slice(), "--lambda", "a finite number above 0", ["nan", "-1"]),
-        (&tune, "--engine-speeds", "a finite number above 0", ["1,nan", "0,1"]),
-        (&tune, "--boost-references", "a finite number above 0", ["1,inf", "0,1"]),
-        (&identify, "--validation-share", "a number from 0 to 0.9", ["nan", "1"]),
-    ] {
-        for value in values {
-            let message = bench.refusal(&[command, &[&format!("{option}={value}")]].concat());
-            assert!(message.contains(option) && message.contains(expected), "{value}: {message}");
-        }
-    }
-}
-
-#[cfg(unix)]
-#[test]
-fn an_endless_file_is_refused() {
-    let bench = Bench::new();
-    for arguments in [
-        ["tune", "--plant", "plant.fmu", "--parameters", "/dev/zero"],
-        ["tune", "--plant", "plant.fmu", "--connections", "/dev/zero"],
-        ["study", "--plant", "plant.fmu", "--connections", "/dev/zero"],
-    ] {
-        let message = bench.refusal(&arguments);
-        assert!(message.contains("/dev/zero: it is larger than 67108864 bytes"), "{arguments:?}: {message}");
-    }
 }
 
 /// By the controller's range.
