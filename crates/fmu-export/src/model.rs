@@ -90,11 +90,7 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
     /// Model Exchange, on time and states too.
     fn refresh(&mut self, time: f64, variables: &mut Self::Variables);
 
-    /// How the calculated variables change, at a time (s) between steps, when time, inputs, states and parameters
-    /// change along a direction: the directional derivative of derivatives, locals and outputs.
-    ///
-    /// `direction` holds inputs and parameters in their places, and states in `start`; the result holds derivatives in
-    /// the variables' places.
+    /// As [`Stepper::differentiate`](crate::Stepper::differentiate).
     ///
     /// # Errors
     /// When there is no such derivative, or the model does not provide it.
@@ -105,11 +101,10 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
         let _ = (time, variables, direction);
-        Err(Error::new("this model provides no derivatives"))
+        Err(provides_no("derivatives"))
     }
 
-    /// The directional derivative of what initialization computes at the start time (s), including the states, when
-    /// inputs, parameters and start values change along a direction.
+    /// As [`Stepper::differentiate_initialization`](crate::Stepper::differentiate_initialization).
     ///
     /// # Errors
     /// As [`Model::differentiate`].
@@ -120,14 +115,10 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
         let _ = (start_time, variables, direction);
-        Err(Error::new("this model provides no derivatives of its initialization"))
+        Err(provides_no("derivatives of its initialization"))
     }
 
-    /// How a weighted sum of calculated variables changes, at a time (s) between steps, with each input and state: the
-    /// adjoint derivative.
-    ///
-    /// `weights` holds weights in the variables' places; the result holds derivatives in the places of inputs and
-    /// `states`, and with `by_parameters` also of parameters.
+    /// As [`Stepper::differentiate_backwards`](crate::Stepper::differentiate_backwards).
     ///
     /// # Errors
     /// As [`Model::differentiate`].
@@ -140,14 +131,13 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
         let _ = (time, variables, weights, by_parameters, tape);
-        Err(Error::new("this model provides no adjoint derivatives"))
+        Err(provides_no("adjoint derivatives"))
     }
 
-    /// The adjoint derivative of what initialization computes at the start time (s), including the states: how it
-    /// changes with each input, parameter and start value. The derivatives by start values are in `states`.
+    /// As [`Stepper::differentiate_initialization_backwards`](crate::Stepper::differentiate_initialization_backwards).
     ///
     /// # Errors
-    /// As [`Model::differentiate_backwards`].
+    /// As [`Model::differentiate`].
     fn differentiate_initialization_backwards(
         &self,
         start_time: f64,
@@ -156,7 +146,7 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
         let _ = (start_time, variables, weights, tape);
-        Err(Error::new("this model provides no adjoint derivatives of its initialization"))
+        Err(provides_no("adjoint derivatives of its initialization"))
     }
 
     /// Computes the event indicators, one per name in the model's JSON, after [`Model::refresh`] has computed the variables.
@@ -225,6 +215,11 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
 
     /// Begins the next step after an event.
     fn enter_step_mode(&mut self) {}
+}
+
+/// The error of a model without what is asked of it.
+pub(crate) fn provides_no(what: &str) -> Error {
+    Error::new(format!("this model provides no {what}"))
 }
 
 /// What [`fmu!`](crate::fmu) exports, and [`Simulation`](crate::Simulation) runs: a model of any kind.

@@ -5,7 +5,7 @@ use fmu_solve::{Dual, Error, Tape};
 
 use crate::model::context::Context;
 use crate::model::variables::{Accessed, Numbered, Variables};
-use crate::model::{Fmu, InputsOf, Model, Step};
+use crate::model::{Fmu, InputsOf, Model, Step, provides_no};
 
 /// A model that steps itself, for co-simulation.
 ///
@@ -113,7 +113,7 @@ pub trait Stepper: Clone + Default + Persistent + Send + Sync + 'static {
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
         let _ = (time, variables, direction);
-        Err(Error::new("this model provides no derivatives"))
+        Err(provides_no("derivatives"))
     }
 
     /// The directional derivative of what initialization computes at the start time (s), including the states, when
@@ -128,7 +128,7 @@ pub trait Stepper: Clone + Default + Persistent + Send + Sync + 'static {
         direction: &Self::Variables,
     ) -> Result<Self::Variables, Error> {
         let _ = (start_time, variables, direction);
-        Err(Error::new("this model provides no derivatives of its initialization"))
+        Err(provides_no("derivatives of its initialization"))
     }
 
     /// How a weighted sum of calculated variables changes, at a time (s) between steps, with each input and state: the
@@ -148,7 +148,7 @@ pub trait Stepper: Clone + Default + Persistent + Send + Sync + 'static {
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
         let _ = (time, variables, weights, by_parameters, tape);
-        Err(Error::new("this model provides no adjoint derivatives"))
+        Err(provides_no("adjoint derivatives"))
     }
 
     /// The adjoint derivative of what initialization computes at the start time (s), including the states: how it
@@ -164,7 +164,7 @@ pub trait Stepper: Clone + Default + Persistent + Send + Sync + 'static {
         tape: &mut Tape,
     ) -> Result<Self::Variables, Error> {
         let _ = (start_time, variables, weights, tape);
-        Err(Error::new("this model provides no adjoint derivatives of its initialization"))
+        Err(provides_no("adjoint derivatives of its initialization"))
     }
 }
 
