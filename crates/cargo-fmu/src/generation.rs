@@ -124,20 +124,25 @@ fn is_their_generator(metadata: &Metadata) -> bool {
         })
 }
 
-/// Whether this command is newer than all files in some folders.
+/// The folders of a package that are no part of its library.
+const BESIDE_THE_LIBRARY: [&str; 3] = ["benches", "examples", "tests"];
+
+/// Whether this command is newer than the libraries of some packages' folders.
 fn is_newer_than(folders: &[&Path]) -> bool {
     let modified = |file: &Path| fs::metadata(file)?.modified();
     let built = env::current_exe().and_then(|command| modified(&command));
+    let newest = |folder: &Path| newest(folder, &BESIDE_THE_LIBRARY);
     built.is_ok_and(|built| folders.iter().all(|folder| newest(folder).is_some_and(|source| source < built)))
 }
 
-/// When a file in a folder was last modified.
-fn newest(folder: &Path) -> Option<SystemTime> {
+/// When a file in a folder was last modified, but for those in some folders there.
+fn newest(folder: &Path, but: &[&str]) -> Option<SystemTime> {
     let entries = fs::read_dir(folder).ok()?;
-    let times = entries.map(|entry| {
+    let is_meant = |entry: &fs::DirEntry| !but.iter().any(|other| entry.file_name() == **other);
+    let times = entries.filter(|entry| entry.as_ref().map_or(true, is_meant)).map(|entry| {
         let entry = entry.ok()?;
         let metadata = entry.metadata().ok()?;
-        if metadata.is_dir() { newest(&entry.path()) } else { metadata.modified().ok() }
+        if metadata.is_dir() { newest(&entry.path(), &[]) } else { metadata.modified().ok() }
     });
     times.collect::<Option<Vec<_>>>()?.into_iter().max()
 }
@@ -146,4 +151,33 @@ fn newest(folder: &Path) -> Option<SystemTime> {
 fn shown(folder: &Path) -> PathBuf {
     let here = env::current_dir().unwrap_or_default();
     folder.strip_prefix(here).unwrap_or(folder).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use core::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn what_tests_use_is_no_part_of_a_library() {
+        let package = tempfile::tempdir().unwrap();
+        let since = |file: &str, seconds| {
+            let path = package.path().join(file);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            let time = SystemTime::UNIX_EPOCH + Duration::from_secs(seconds);
+            fs::File::create(path).unwrap().set_modified(time).unwrap();
+            newest(package.path(), &BESIDE_THE_LIBRARY)
+                .unwrap()
+                .duration_since(SystemTime::UNIX_EPOCH)
+                .unwrap()
+                .as_secs()
+        };
+        assert_eq!(since("Cargo.toml", 1), 1);
+        assert_eq!(since("src/check/units.rs", 2), 2);
+        for folder in BESIDE_THE_LIBRARY {
+            assert_eq!(since(&format!("{folder}/main.rs"), 3), 2, "{folder}");
+        }
+        assert_eq!(since("src/tests/networks.rs", 4), 4);
+    }
 }
