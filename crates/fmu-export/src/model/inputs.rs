@@ -37,8 +37,8 @@ pub trait Inputs: Clone + core::fmt::Debug + PartialEq + Persistent + Send + Syn
 
 /// The inputs as functions of the time since the step's start: the values that the importer has set, with derivatives.
 ///
-/// The variables of the model hold the inputs that it computes with, which this makes of them: limited to their bounds, and
-/// after a step with derivatives those at its end, until the next step begins or an input is set.
+/// The model's variables hold what the model computes with: these values within their bounds, and after a step with
+/// derivatives those at its end, until the next step begins or an input is set.
 #[derive(Clone, Debug)]
 pub struct InputSignal<I> {
     /// The Real inputs, by position.
