@@ -20,11 +20,7 @@ struct MinimalController {
 impl Stepper for MinimalController {
     type Variables = Variables;
 
-    fn initialize(
-        &mut self,
-        variables: &mut Variables,
-        _context: &mut Context<'_>,
-    ) -> Result<(), Error> {
+    fn initialize(&mut self, variables: &mut Variables, _context: &mut Context<'_>) -> Result<(), Error> {
         self.integral = variables.parameters.duty;
         variables.outputs.hp_wastegate_pwm = compensated(self.integral, &variables.inputs);
         variables.outputs.vacuum_pump = 0.0;

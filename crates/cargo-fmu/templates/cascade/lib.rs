@@ -31,7 +31,8 @@ impl Sampled for {Type} {
         variables: &mut Variables,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables { parameters, inputs, clocks, outputs, .. } = variables;
+        let (parameters, inputs) = (&variables.parameters, &variables.inputs);
+        let (clocks, outputs) = (&variables.clocks, &mut variables.outputs);
         if clocks.speed_loop.ticks() {
             let proportional = parameters.speed_gain * (inputs.speed_reference - inputs.speed);
             outputs.current_reference = self.of_speed + proportional;

@@ -19,8 +19,9 @@ impl Stepper for {Type} {
     type Variables = Variables;
 
     fn initialize(&mut self, variables: &mut Variables, _: &mut Context<'_>) -> Result<(), Error> {
-        let parameters = &variables.parameters;
-        let queue = Queue::new(parameters.seed, variables.inputs.arrivals * HOUR, parameters.service * HOUR);
+        let (parameters, inputs) = (&variables.parameters, &variables.inputs);
+        let rates = [inputs.arrivals * HOUR, parameters.service * HOUR];
+        let queue = Queue::new(parameters.seed, rates);
         variables.outputs.waiting = queue.waiting();
         self.queue = Some(queue);
         Ok(())
@@ -32,7 +33,8 @@ impl Stepper for {Type} {
         step: &Step<'_, Inputs>,
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let queue = self.queue.as_mut().ok_or_else(|| Error::new("there is no queue"))?;
+        let queue = self.queue.as_mut();
+        let queue = queue.ok_or_else(|| Error::new("there is no queue"))?;
         queue.arrivals_per_hour = variables.inputs.arrivals * HOUR;
         queue.run_until((step.end() - context.experiment.start_time) / HOUR);
         variables.outputs.waiting = queue.waiting();

@@ -13,7 +13,7 @@ impl Sampled for {Type} {
         variables: &mut Variables,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables { inputs, clocks, outputs, .. } = variables;
+        let (clocks, outputs) = (&mut variables.clocks, &mut variables.outputs);
         outputs.total_in_clock_ticks += 1;
         if clocks.in_clock1.ticks() {
             outputs.in_clock1_ticks += 1;
@@ -23,7 +23,7 @@ impl Sampled for {Type} {
         }
         if clocks.in_clock2.ticks() {
             outputs.in_clock2_ticks += 1;
-            outputs.result2 += inputs.input2;
+            outputs.result2 += variables.inputs.input2;
         }
         if clocks.in_clock3.ticks() {
             outputs.in_clock3_ticks += 1;

@@ -26,10 +26,10 @@ impl Sampled for {Type} {
         variables: &mut Variables,
         _context: &mut Context<'_>,
     ) -> Result<(), Error> {
-        let Variables { parameters, inputs, outputs, .. } = variables;
+        let (parameters, inputs) = (&variables.parameters, &variables.inputs);
         let proportional = parameters.gain * (inputs.reference - inputs.measurement);
         let command = self.integral + proportional;
-        outputs.command = command.clamp(LIMITS[0], LIMITS[1]);
+        variables.outputs.command = command.clamp(LIMITS[0], LIMITS[1]);
         let rise = proportional * parameters.sample_time / parameters.integral_time;
         // Anti-windup: the integral term stays within the limits.
         self.integral = (self.integral + rise).clamp(LIMITS[0], LIMITS[1]);

@@ -14,11 +14,13 @@ pub struct Queue {
 }
 
 impl Queue {
-    pub fn new(seed: i32, arrivals_per_hour: f64, served_per_hour: f64) -> Self {
-        let random = u64::from(seed.unsigned_abs());
-        let mut queue = Self { arrivals_per_hour, served_per_hour, random, ..Self::default() };
+    /// A queue of nobody, with arrivals and served customers per hour.
+    pub fn new(seed: i32, rates: [f64; 2]) -> Self {
+        let mut queue = Self::default();
+        [queue.arrivals_per_hour, queue.served_per_hour] = rates;
+        queue.random = u64::from(seed.unsigned_abs());
         queue.departure = f64::INFINITY;
-        queue.arrival = queue.after(0.0, arrivals_per_hour);
+        queue.arrival = queue.after(0.0, queue.arrivals_per_hour);
         queue
     }
 
@@ -44,10 +46,13 @@ impl Queue {
 
     /// The time of the next event of a rate: exponentially distributed after now.
     fn after(&mut self, now: f64, rate: f64) -> f64 {
-        // Knuth's MMIX generator (The Art of Computer Programming, volume 2, section 3.3.4), of which the upper half is used.
-        self.random =
-            self.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let share = ((self.random >> 32) as f64 + 0.5) / 4_294_967_296.0;
+        // Knuth's MMIX generator (The Art of Computer Programming, volume 2, section 3.3.4): its upper half.
+        self.random = self
+            .random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        let upper = u32::try_from(self.random >> 32).unwrap_or(u32::MAX);
+        let share = (f64::from(upper) + 0.5) / 4_294_967_296.0;
         now - share.ln() / rate
     }
 }

@@ -12,11 +12,7 @@ pub struct ClockedModel;
 impl Sampled for ClockedModel {
     type Variables = Variables;
 
-    fn initialize(
-        &mut self,
-        variables: &mut Variables,
-        _context: &mut Context<'_>,
-    ) -> Result<(), Error> {
+    fn initialize(&mut self, variables: &mut Variables, _context: &mut Context<'_>) -> Result<(), Error> {
         let Variables { parameters, clocks, .. } = variables;
         clocks.sample.set_interval(parameters.sample_time);
         clocks.sample.set_shift(parameters.delay);
