@@ -8,8 +8,8 @@ const SOURCE: &str = include_str!("../../cargo-fmu/templates/dahlquist/lib.rs");
 /// Models whose equations are tested.
 const TESTED: &str = include_str!("equations/src/lib.rs");
 
-/// A model around another crate's simulation.
-const AROUND_A_CRATE: &str = include_str!("equations/tests/checkout.rs");
+/// A template around a simulation that steps itself.
+const STEPPER: &str = include_str!("../../cargo-fmu/templates/checkout/lib.rs");
 
 /// The first code block of a language.
 fn block<'page>(page: &'page str, language: &str) -> &'page str {
@@ -32,12 +32,11 @@ fn sampled_inputs_are_those_of_a_tested_model() {
 }
 
 #[test]
-fn the_model_of_an_existing_crate_is_tested() {
+fn the_model_of_an_existing_crate_is_what_new_writes() {
     let (_, section) = PAGE.split_once("### An FMU of an existing crate").expect("the page has this section");
-    let tested = on_a_line(AROUND_A_CRATE);
-    for item in block(section, "rust,ignore").split("\n\n") {
-        assert!(tested.contains(&on_a_line(item)), "{item}");
-    }
+    let (_, written) = STEPPER.split_once("use queue::Queue;\n\n").expect("it uses the queue");
+    let (model, _) = written.split_once("\n#[cfg(test)]").expect("the tests follow");
+    assert_eq!(block(section, "rust,ignore"), model.replace("{Type}", "Checkout"));
 }
 
 #[test]

@@ -24,8 +24,9 @@ from scipy.interpolate import PchipInterpolator
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from fmu.exporter.importer import Status
+from fmu.exporter.importer import Instance, Library, Status
 from fmu.ladder import FMUS, STEPPERS
+from fmu.master import Fmu
 
 pytestmark = pytest.mark.quick
 
@@ -625,6 +626,28 @@ def test_the_queue_of_the_checkout_is_as_long_as_theory_says(version):
     error = math.sqrt(load / (1 - load) ** 2 * 2 * relaxation / stop)
     assert abs(found.mean() - load / (1 - load)) < 4 * error
     assert (found[::5] == waiting(500)).all()
+
+
+def test_the_checkout_goes_on_from_a_serialized_state(tmp_path):
+    """In another instance, random numbers included."""
+    fmu = Fmu(STEPPERS / "Checkout.fmu", tmp_path)
+    one, other = (Instance(fmu, Library(fmu.library)) for _ in range(2))
+    one.initialize()
+
+    def waiting(instance, minutes):
+        found = []
+        for minute in minutes:
+            assert instance.step(60.0 * minute, 60.0) == Status.OK
+            found.append(instance.get("waiting"))
+        return found
+
+    before = waiting(one, range(30))
+    other.restore(one.snapshot())
+    expected = waiting(one, range(30, 90))
+    assert len(set(before + expected)) > 3
+    assert waiting(other, range(30, 90)) == expected
+    one.free()
+    other.free()
 
 
 # The sampled controller

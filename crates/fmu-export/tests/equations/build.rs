@@ -31,7 +31,6 @@ fn main() {
         "alarms",
         "gears",
         "branches",
-        "checkout",
         "../../../fmu-export-build/tests/generator/vessels",
     ] {
         let declaration = format!("{model}.json");

@@ -25,7 +25,7 @@ variables!(decay: "decay", van_der_pol: "van_der_pol", robertson: "robertson", h
     tuned_ticks: "fmi3/tuned_ticks", two_clocks: "two_clocks", two_clocks_3: "fmi3/two_clocks",
     waves: "waves", waves_3: "fmi3/waves", ticks: "ticks", ticks_3: "fmi3/ticks", alarms: "alarms",
     alarms_3: "fmi3/alarms",
-    checkout: "checkout", gears: "gears", gears_3: "fmi3/gears", branches: "branches", branches_3: "fmi3/branches");
+    gears: "gears", gears_3: "fmi3/gears", branches: "branches", branches_3: "fmi3/branches");
 
 /// Conduction along an insulated rod, from a cosine's half wave.
 #[derive(Clone, Debug, Default, Persistent)]

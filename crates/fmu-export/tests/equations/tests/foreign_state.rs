@@ -46,7 +46,7 @@ impl Sampled for Noise {
 }
 
 /// The noise after steps from some times (s).
-fn noise(importer: &mut Importer<SampledModel<Noise>>, starts: Range<u32>) -> Vec<f64> {
+fn noise<S: Sampled>(importer: &mut Importer<SampledModel<S>>, starts: Range<u32>) -> Vec<f64> {
     let step = |start: u32| {
         importer.step(start.into(), 1.0);
         importer.get(["last_step"])[0]
@@ -54,9 +54,52 @@ fn noise(importer: &mut Importer<SampledModel<Noise>>, starts: Range<u32>) -> Ve
     starts.map(step).collect()
 }
 
+/// The noise of a generator that could be cloned, but not written.
+#[derive(Clone, Debug, Default, Persistent)]
+struct Unwritten {
+    #[persistent(skip)]
+    noise: Noise,
+}
+
+impl Sampled for Unwritten {
+    type Variables = stairs::Variables;
+
+    fn period(variables: &Self::Variables) -> f64 {
+        Noise::period(variables)
+    }
+
+    fn initialize(
+        &mut self,
+        variables: &mut Self::Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        self.noise.initialize(variables, context)
+    }
+
+    fn sample(
+        &mut self,
+        sample: Sample,
+        variables: &mut Self::Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        self.noise.sample(sample, variables, context)
+    }
+}
+
+/// The second run is the same again, random numbers included.
+#[test]
+fn a_state_in_memory_has_the_skipped_fields() {
+    let mut importer = Importer::<SampledModel<Unwritten>>::new(InstanceType::CoSimulation);
+    importer.initialize();
+    let before = noise(&mut importer, 0..10);
+    let [first, second] = importer.twice(|importer| noise(importer, 10..20));
+    assert_ne!(before, first);
+    assert_eq!(first, second);
+}
+
 #[test]
 fn a_run_continued_by_another_instance_is_that_of_one_that_never_stopped() {
-    let mut one = Importer::new(InstanceType::CoSimulation);
+    let mut one = Importer::<SampledModel<Noise>>::new(InstanceType::CoSimulation);
     one.initialize();
     let before = noise(&mut one, 0..10);
     let mut other = one.restored();

@@ -4,7 +4,6 @@ mod allocations;
 mod arrays;
 mod branches;
 mod calculated_parameters;
-mod checkout;
 mod enumerations;
 mod event_mode;
 mod foreign_state;
