@@ -149,21 +149,18 @@ pub trait Model: Clone + Default + Persistent + Send + Sync + 'static {
         Err(provides_no("adjoint derivatives of its initialization"))
     }
 
-    /// Computes the event indicators, one per name in the model's JSON, after [`Model::refresh`] has computed the variables.
-    /// An event occurs where an indicator becomes positive, or ceases to be; indicators should be of order one.
+    /// As [`Equations::event_indicators`](crate::Equations::event_indicators), after [`Model::refresh`].
     fn event_indicators(&self, time: f64, variables: &Self::Variables, indicators: &mut [f64]) {
         let _ = (time, variables, indicators);
     }
 
-    /// When the next time event after a time (s) is due; it must not depend on the states. Called at each event, and
-    /// between events after changes.
+    /// As [`Equations::next_event`](crate::Equations::next_event).
     fn next_event(&self, time: f64, variables: &Self::Variables) -> Option<f64> {
         let _ = (time, variables);
         None
     }
 
-    /// Handles an event: changes the model's memory, states and discrete variables. [`Model::refresh`] follows. If
-    /// that changes the sign of an indicator, another event follows at once.
+    /// As [`Equations::event`](crate::Equations::event); [`Model::refresh`] follows.
     ///
     /// # Errors
     /// When the model cannot continue.
