@@ -29,10 +29,12 @@ const NEAR_ZERO: f64 = 1e-3;
 const LARGEST_CONTRACTION: f64 = 0.8;
 /// A fraction below which the rates are linear along the step, whose length then has no limit. [Chosen](crate::chosen).
 const LINEAR_CONTRACTION: f64 = 1e-3;
-/// The fraction of the residual that a step aims at: the next is as much longer as this one left less. And the limits of
-/// this factor. [Chosen](crate::chosen).
+/// The fraction of the residual that a step aims at: the next is as much longer as this one left less.
+/// [Chosen](crate::chosen).
 const AIMED: f64 = 0.3;
+/// The least factor by which the next step is longer. [Chosen](crate::chosen).
 const LEAST_GROWTH: f64 = 0.5;
+/// The largest factor by which the next step is longer. [Chosen](crate::chosen).
 const MOST_GROWTH: f64 = 10.0;
 /// The factor on a step that was too long. [Chosen](crate::chosen).
 const REJECTED: f64 = 0.2;

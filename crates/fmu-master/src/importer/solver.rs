@@ -248,11 +248,10 @@ impl Solver {
         }
         // The last event may have been handled a little late.
         let place = (self.time - start).max(0.0);
-        let mut evolution =
-            SolverStep { solver: self, calls, event_mode: events, start, size, place, relative };
+        let mut step = SolverStep { solver: self, calls, event_mode: events, start, size, place, relative };
         // Events at the end belong to the communication point there.
         EventLoop::new((start, size, End::of_any(start, size)), true, MOST_TRIALS)
-            .go_on::<false, _>(&mut evolution, Stops::NONE)?;
+            .go_on::<false, _>(&mut step, Stops::NONE)?;
         calls.set_time(Some(end));
         Ok(())
     }

@@ -14,9 +14,9 @@ use crate::persistence::{Archive, Persistent};
 /// Jacobian of an FMU's difference quotients is no more precise: √ε, 1.5·10⁻⁸. Rounding of a row of a thousand elements is
 /// far less, 2·10⁻¹³ of it.
 const MISSED: f64 = 1e-9;
-/// The most steps that a Jacobian serves: as many as one set of factors in CVODE (`MSBP_DEFAULT`). Where an older one caused a rejection, the next ones
-/// serve no longer than it did, and each time that this many steps are accepted, twice as long again: rejections then
-/// cost a trial in twenty steps at most.
+/// The most steps that a Jacobian serves: as many as one set of factors in CVODE (`MSBP_DEFAULT`). Where an older one
+/// caused a rejection, the next ones serve no longer than it did, and each time that this many steps are accepted, twice as
+/// long again: rejections then cost a trial in twenty steps at most.
 const SERVES: u32 = 20;
 /// Under a method whose order rests on the Jacobian: the largest growth of the step with which one is kept. The error
 /// of a step of fifth order, the sixth power of the length, then grows threefold. [Chosen](crate::chosen).
