@@ -357,6 +357,47 @@ mod tests {
         assert!(signal.differs());
     }
 
+    /// Whatever is set, and whenever steps end: the inputs are the values as set, or those at the end of a step, within their
+    /// bounds.
+    #[test]
+    fn inputs_are_what_was_set_or_reached_within_bounds() {
+        // Knuth's MMIX generator (The Art of Computer Programming, volume 2, section 3.3.4).
+        let mut random = 1_u64;
+        let mut below = |most: u64| {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (random >> 33) % most
+        };
+        let mut inputs = Two { values: [0.5, 0.5] };
+        let mut signal = InputSignal::constant(&inputs);
+        let (mut set, mut slopes, mut reached) = ([0.5; 2], [0.0; 2], None::<[f64; 2]>);
+        for number in 0..10_000 {
+            let (position, value) = (usize::from(below(2) == 1), below(13) as f64 * 0.25 - 1.0);
+            match below(4) {
+                0 | 1 => {
+                    signal.go_back(&mut inputs);
+                    let (bounded, _) = signal.take(position, value);
+                    inputs.values[position] = bounded;
+                    (set[position], slopes[position], reached) = (value, 0.0, None);
+                }
+                2 => {
+                    signal.set_derivative(position, 1, value);
+                    slopes[position] = value;
+                }
+                _ => {
+                    signal.go_back(&mut inputs);
+                    signal.end_step(0.5, &mut inputs);
+                    let end = [0, 1].map(|at| set[at] + 0.5 * slopes[at]);
+                    (reached, slopes) = (slopes.iter().any(|slope| *slope != 0.0).then_some(end), [0.0; 2]);
+                }
+            }
+            let expected = reached.unwrap_or(set).map(|value| value.clamp(0.0, 1.0));
+            assert_eq!(inputs.values.map(f64::to_bits), expected.map(f64::to_bits), "{number}");
+            assert_eq!([0, 1].map(|at| signal.set(at).to_bits()), set.map(f64::to_bits), "{number}");
+            let is_outside = set.iter().any(|value| !(0.0..=1.0).contains(value));
+            assert_eq!(signal.differs(), reached.is_some() || is_outside, "{number}");
+        }
+    }
+
     #[test]
     fn an_archive_keeps_the_end_of_a_ramp() {
         let mut archive = Archive::writing();
