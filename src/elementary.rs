@@ -3,8 +3,8 @@
 //! The standard library's are correct to the last bit or two, differently on each platform; these are correct to 1e-14
 //! (see the tests), bit-identical on every platform, and can be inlined, so that several run in parallel.
 
-use std::array;
-use std::f64::consts::{LN_2, LOG2_E};
+use core::array;
+use core::f64::consts::{LN_2, LOG2_E};
 
 use fmu_export::Number;
 
@@ -101,9 +101,9 @@ fn log2_of_normal(x: f64) -> f64 {
     const INTEGERS: f64 = (1_u64 << MANTISSA_BITS) as f64;
     let bits = x.to_bits();
     // The exponent of the nearest power of 2 as seen from √½·2ⁿ.
-    let shifted = bits.wrapping_add(0x3FF0_0000_0000_0000 - std::f64::consts::FRAC_1_SQRT_2.to_bits());
+    let shifted = bits.wrapping_add(0x3FF0_0000_0000_0000 - core::f64::consts::FRAC_1_SQRT_2.to_bits());
     let exponent = f64::from_bits(INTEGERS.to_bits() | (shifted >> MANTISSA_BITS)) - (INTEGERS + BIAS as f64);
-    let m = f64::from_bits((shifted & MANTISSA).wrapping_add(std::f64::consts::FRAC_1_SQRT_2.to_bits()));
+    let m = f64::from_bits((shifted & MANTISSA).wrapping_add(core::f64::consts::FRAC_1_SQRT_2.to_bits()));
     let s = (m - 1.0) / (m + 1.0);
     let z = s * s;
     let z2 = z * z;
@@ -177,7 +177,7 @@ mod tests {
             let error = log2(x) - x.log2();
             assert!(error.abs() <= 2e-15 * x.log2().abs(), "log2 {x}: {error}");
         }
-        assert!((log2(std::f64::consts::SQRT_2) - 0.5).abs() < 1e-15 && log2(1.0) == 0.0);
+        assert!((log2(core::f64::consts::SQRT_2) - 0.5).abs() < 1e-15 && log2(1.0) == 0.0);
         for n in -2000..2000 {
             let (base, exponent) = ((0.5 * f64::from(n)).exp2(), 0.285_714);
             let error = power(base, exponent) / base.powf(exponent) - 1.0;

@@ -17,7 +17,7 @@ use std::fs;
 use std::ops::{Deref, DerefMut, Range};
 use std::path::Path;
 
-use boost_fmu::controller::BoostController;
+use boost_fmu::BoostController;
 use boost_fmu::controller::variables as controller;
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables as plant;

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
-use boost_fmu::controller::BoostController;
+use boost_fmu::BoostController;
 use boost_fmu::controller::variables::{FeedbackStructure, Inputs as ControllerInputs, Strategy};
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::system::System;

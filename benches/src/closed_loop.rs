@@ -3,7 +3,7 @@
 
 use std::sync::OnceLock;
 
-use boost_fmu::controller::BoostController;
+use boost_fmu::BoostController;
 use boost_fmu::controller::variables::Inputs as ControllerInputs;
 use boost_fmu::plant::BoostPlant;
 use boost_fmu::plant::variables::Inputs as PlantInputs;

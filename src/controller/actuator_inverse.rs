@@ -3,6 +3,8 @@
 //! At rest the vacuum on the membrane balances the spring, paper eq. (4), and the duty sets the vacuum, eq. (7).
 //! Exhaust force and friction are neglected, as in the paper.
 
+use fmu_export::Number;
+
 use super::variables::ActuatorInverseParameters;
 use crate::elementary::larger;
 
@@ -45,7 +47,7 @@ fn chamber_pressure(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
     let position = opening.clamp(0.0, 1.0) * inverse.stroke;
     let spring = inverse.spring_preload
         + inverse.spring_stiffness * position
-        + inverse.spring_hardening * position.powi(7);
+        + inverse.spring_hardening * Number::powi(position, 7);
     inverse.ambient_pressure - spring / inverse.membrane_area
 }
 

@@ -138,7 +138,7 @@ pub(super) fn check(parameters: &Parameters) -> Result<(), Error> {
         "%",
     )?;
     if parameters.pwm_min >= of.low_pressure_open() {
-        return Err(Error::new(format!(
+        return Err(Error::new(format_args!(
             "pwm_min is {} % and must be below the virtual duty at which the low-pressure wastegate is fully open, {} % with allocation.low_pressure_start, low_pressure_span and low_pressure_shape",
             parameters.pwm_min,
             of.low_pressure_open()
@@ -149,7 +149,7 @@ pub(super) fn check(parameters: &Parameters) -> Result<(), Error> {
         ("allocation.bypass_closing_time", of.bypass_closing_time),
     ] {
         if value < parameters.sample_time {
-            return Err(Error::new(format!(
+            return Err(Error::new(format_args!(
                 "{name} is {value} s and must be at least sample_time, which is {} s",
                 parameters.sample_time
             )));
@@ -162,7 +162,7 @@ fn refuse_not_below(lower: (&str, f64), upper: (&str, f64), unit: &str) -> Resul
     if lower.1 < upper.1 {
         return Ok(());
     }
-    Err(Error::new(format!(
+    Err(Error::new(format_args!(
         "{} is {} {unit} and must be below {}, which is {} {unit}",
         lower.0, lower.1, upper.0, upper.1
     )))

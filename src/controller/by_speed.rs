@@ -161,7 +161,7 @@ pub fn check(parameters: &Parameters) -> Result<(), Error> {
     if shut < open {
         return schedule::check("schedule", &parameters.schedule);
     }
-    Err(Error::new(format!(
+    Err(Error::new(format_args!(
         "lp_wastegate_close_below is {shut} rpm and must be below lp_wastegate_open_above, which is {open} rpm"
     )))
 }

@@ -20,7 +20,7 @@
 //! absolute chamber pressure. So the duty is the one whose chamber pressure is lower by the difference in ambient
 //! pressure.
 
-use fmu_export::Persistent;
+use fmu_export::{Number, Persistent};
 
 use super::actuator_inverse;
 use super::variables::{DayLocals, Inputs, Parameters};
@@ -139,7 +139,7 @@ impl Day {
             return 1.0;
         }
         let scheduled_pressure = larger(scheduled_pressure, LEAST_CONVERTED);
-        self.work_ratio.sqrt() * (pressure / self.pressure_ratio)
+        Number::sqrt(self.work_ratio) * (pressure / self.pressure_ratio)
             / (self.temperature_ratio * scheduled_pressure)
     }
 
@@ -158,7 +158,7 @@ impl Day {
 
     /// The factor of time constants.
     pub fn time_scale(&self) -> f64 {
-        self.work_ratio.sqrt() / self.pressure_ratio
+        Number::sqrt(self.work_ratio) / self.pressure_ratio
     }
 
     /// The variables that show the conditions.

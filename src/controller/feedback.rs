@@ -1,7 +1,7 @@
 //! The feedback: a gain-scheduled PID controller with λ-tuning, filtered derivative of the measurement and tracking
 //! anti-windup (paper, section 6).
 
-use fmu_export::Persistent;
+use fmu_export::{Number, Persistent};
 
 use super::schedule::LocalModel;
 use crate::elementary::{larger, power};
@@ -50,7 +50,7 @@ impl FeedbackSettings {
 
     /// The tracking time `T_tr` of paper, section 6, at least four samples (s).
     fn tracking_time(&self, sample_time: f64) -> f64 {
-        larger((self.integral_time * self.derivative_time).sqrt(), LEAST_TRACKING_SAMPLES * sample_time)
+        larger(Number::sqrt(self.integral_time * self.derivative_time), LEAST_TRACKING_SAMPLES * sample_time)
     }
 }
 

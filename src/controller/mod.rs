@@ -51,7 +51,7 @@ pub mod variables {
 }
 
 use fmu_export::display::Rounded;
-use fmu_export::{Context, Error, Persistent, Sample, Sampled, SampledModel};
+use fmu_export::{Context, Error, Persistent, Sample, Sampled};
 
 use crate::LONGEST_STEP;
 use actuator_reach::ActuatorReach;
@@ -74,9 +74,6 @@ const LEAST_MEASUREMENT: f64 = 20e3;
 
 /// The valves besides the high-pressure wastegate, for least boost.
 const LEAST_BOOST: Openings = Openings { lp_wastegate: 1.0, hp_bypass: 0.0, surge_valve: 1.0 };
-
-/// The boost pressure controller.
-pub type BoostController = SampledModel<ControlLaw>;
 
 /// The control law, with its memory.
 #[derive(Clone, Debug, Default, Persistent)]
@@ -127,6 +124,20 @@ impl Command {
     }
 }
 
+/// The commands for least boost where nothing else is known, not even measurements.
+#[must_use]
+pub fn limp_home(parameters: &Parameters) -> Outputs {
+    let Openings { lp_wastegate, hp_bypass, surge_valve } = LEAST_BOOST;
+    Outputs {
+        hp_wastegate_pwm: parameters.pwm_max,
+        vacuum_pump: 1.0,
+        lp_wastegate,
+        hp_bypass,
+        surge_valve,
+        ..Outputs::default()
+    }
+}
+
 impl Sampled for ControlLaw {
     type Variables = Variables;
     const LONGEST_STEP: f64 = LONGEST_STEP;
@@ -139,7 +150,7 @@ impl Sampled for ControlLaw {
         let parameters = &variables.parameters;
         let (least, most) = (parameters.pwm_min, parameters.pwm_max);
         if least >= most {
-            return Err(Error::new(format!(
+            return Err(Error::new(format_args!(
                 "pwm_min is {least} % and must be below pwm_max, which is {most} %"
             )));
         }

@@ -240,12 +240,12 @@ pub fn check<'a, const COLUMNS: usize>(
         for (column, &gain) in gains.iter().enumerate() {
             let name = format_args!("{component}.gain[{},{}]", row + 1, column + 1);
             if gain.abs() < LEAST_GAIN {
-                return Err(Error::new(format!(
+                return Err(Error::new(format_args!(
                     "{name} is {gain} Pa/%, but the feedback divides by it: its magnitude must be at least {LEAST_GAIN} Pa/%"
                 )));
             }
             if gain.signum() != first.signum() {
-                return Err(Error::new(format!(
+                return Err(Error::new(format_args!(
                     "{component}.gain[1,1] is {first} Pa/% and {name} is {gain} Pa/%, but all gains must have the same sign: between them the gain would be 0"
                 )));
             }
@@ -257,7 +257,7 @@ pub fn check<'a, const COLUMNS: usize>(
 fn refuse_not_increasing(component: &str, name: &str, axis: &[f64]) -> Result<(), Error> {
     match axis.windows(2).position(|pair| pair[0] >= pair[1]) {
         None => Ok(()),
-        Some(below) => Err(Error::new(format!(
+        Some(below) => Err(Error::new(format_args!(
             "{component}.{name}[{}] is {} and {component}.{name}[{}] is {}, but the grid must increase",
             below + 1,
             axis[below],

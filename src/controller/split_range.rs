@@ -174,7 +174,7 @@ impl SplitRange {
     fn convert(&mut self, law: &mut BoostLaw, parameters: &Parameters, inputs: &Inputs) -> Day {
         let day = Day::measured(parameters, inputs);
         if day != self.day {
-            let before = std::mem::replace(&mut self.day, day);
+            let before = core::mem::replace(&mut self.day, day);
             self.day_shift = day.scheduled_pressure(parameters.boost_limit) - parameters.boost_limit;
             law.convert(|pressure| day.scheduled_pressure(before.pressure(pressure)));
         }

@@ -28,7 +28,7 @@ pub fn check(parameters: &Parameters) -> Result<(), Error> {
     if on > off {
         return Ok(());
     }
-    Err(Error::new(format!(
+    Err(Error::new(format_args!(
         "tank_pressure_on is {on} Pa and must be above tank_pressure_off, which is {off} Pa"
     )))
 }

@@ -6,7 +6,7 @@
 //! for pressure ratios below 1; beyond the head of zero flow it continues as an odd function, the reverse flow of
 //! surge. Efficiency is a parabola over Φ and includes mechanical and heat losses.
 
-use std::f64::consts::PI;
+use core::f64::consts::PI;
 
 use super::gas::{Gas, Volume, signed_root, smooth_max};
 use super::variables::{CompressorLocals, CompressorParameters};

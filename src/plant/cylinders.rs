@@ -3,7 +3,7 @@
 //!
 //! The engine burns a stoichiometric mixture; its speed is an input, set by the dynamometer.
 
-use std::f64::consts::PI;
+use core::f64::consts::PI;
 
 use super::gas::Gas;
 use super::variables::{CylindersLocals, CylindersParameters};

@@ -41,6 +41,10 @@ pub mod variables {
     fmu_export::include_variables!("BoostPlant");
 }
 
+use std::borrow::ToOwned as _;
+use std::format;
+use std::vec::Vec;
+
 use fmu_export::display::Rounded;
 use fmu_export::integrator::ROS34PW2;
 use fmu_export::{
@@ -118,14 +122,14 @@ impl Equations for Plant {
         let p = &variables.parameters;
         let actuator = &p.actuator;
         if actuator.friction_stiffness > STIFFEST_FRICTION * (1.0 + ROUNDING) * actuator.coulomb_friction {
-            return Err(Error::new(format!(
+            return Err(Error::new(format_args!(
                 "actuator.friction_stiffness = {:?} N/m is more than 2000 1/m times \
                  actuator.coulomb_friction = {:?} N",
                 actuator.friction_stiffness, actuator.coulomb_friction
             )));
         }
         if actuator.chamber_volume <= actuator.membrane_area * actuator.stroke {
-            return Err(Error::new(format!(
+            return Err(Error::new(format_args!(
                 "actuator.chamber_volume = {:?} m3 is not more than what actuator.membrane_area = {:?} m2 \
                  displaces over actuator.stroke = {:?} m",
                 actuator.chamber_volume, actuator.membrane_area, actuator.stroke
@@ -133,7 +137,7 @@ impl Equations for Plant {
         }
         for (name, gas) in [("air", &p.air), ("exhaust_gas", &p.exhaust_gas)] {
             if gas.gas_constant >= gas.specific_heat {
-                return Err(Error::new(format!(
+                return Err(Error::new(format_args!(
                     "{name}.gas_constant = {:?} J/(kg.K) is not less than {name}.specific_heat = {:?} \
                      J/(kg.K)",
                     gas.gas_constant, gas.specific_heat

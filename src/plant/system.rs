@@ -13,7 +13,7 @@
 //!
 //! Volumes between the components have pressures as states; temperatures are static, those of the inflowing gas.
 
-use std::f64::consts::PI;
+use core::f64::consts::PI;
 
 use super::actuator::Actuator;
 use super::air_filter::AirFilter;

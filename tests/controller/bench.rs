@@ -2,7 +2,7 @@
 
 use std::ops::{Deref, DerefMut};
 
-use boost_fmu::controller::BoostController;
+use boost_fmu::BoostController;
 use boost_fmu::controller::variables::{Inputs, Outputs, Parameters, Strategy, Variables};
 use fmu_export::{Error, Experiment, Model, Simulation};
 

@@ -2,7 +2,7 @@
 
 use std::thread;
 
-use boost_fmu::controller::BoostController;
+use boost_fmu::BoostController;
 use boost_fmu::controller::variables::{Inputs, Variables};
 use fmu_export::description::{Causality, DataType, ScalarVariable};
 use fmu_export::{Accessed as _, Described as _, Inputs as _, Model as _};

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use boost_fmu::controller::BoostController;
+use boost_fmu::BoostController;
 use boost_fmu::controller::actuator_inverse;
 use boost_fmu::controller::variables::{ControlMode, Inputs, Outputs, Parameters, Strategy, Variables};
 use fmu_export::description::{Causality, DataType, Name};

@@ -2,7 +2,7 @@
 
 use std::ptr;
 
-use boost_fmu::controller::BoostController;
+use boost_fmu::BoostController;
 use boost_fmu::controller::variables::{ControlMode, Inputs, Locals, Outputs, Parameters, Variables};
 use fmu_export::Described as _;
 use fmu_export::fmi2::{c_api, c_types};

@@ -107,15 +107,22 @@ def test_export(clone: Path, exported: Path) -> None:
     Compiled again, the sources give the same bytes.
     """
     out = clone / "out"
-    for source in [
-        "build.rs",
-        "src/lib.rs",
+    sources = [
+        ROOT / "build.rs",
+        ROOT / "src/lib.rs",
         *ROOT.glob("crates/*/src/lib.rs"),
         *ROOT.glob("boost/*/src/lib.rs"),
-    ]:
-        os.utime(ROOT / source)
+    ]
+    times = [(source, source.stat()) for source in sources]
+    for source in sources:
+        os.utime(source)
     command = ["cargo", "run", "--release", "--", "export", "--out", out]
-    subprocess.run(command, cwd=ROOT, check=True)
+    try:
+        subprocess.run(command, cwd=ROOT, check=True)
+    finally:
+        # Otherwise the commands of other tests would be older than their sources.
+        for source, before in times:
+            os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
     names = ["Boost.ssp", "BoostController.fmu", "BoostPlant.fmu"]
     assert sorted(file.name for file in out.iterdir()) == names
     for name in names:

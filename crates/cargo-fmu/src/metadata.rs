@@ -111,6 +111,7 @@ impl Package {
     /// What a model's declaration need not repeat of the package, as cargo tells it to build scripts.
     pub fn of_declaration(&self) -> fmu_export_build::Package {
         fmu_export_build::Package {
+            is_bare_metal: false,
             name: self.name.clone(),
             version: self.version.clone(),
             description: self.description.clone().unwrap_or_default(),

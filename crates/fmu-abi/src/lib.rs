@@ -1,4 +1,5 @@
 #![doc = include_str!("../README.md")]
+#![cfg_attr(target_os = "none", no_std)]
 #![warn(clippy::std_instead_of_core)]
 
 pub mod calling_sequence;

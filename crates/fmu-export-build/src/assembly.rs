@@ -51,7 +51,11 @@ pub(crate) fn model<'a>(
         scalars,
         names,
         reads_elements,
+        is_bare_metal: package.is_bare_metal,
     };
+    if package.is_bare_metal {
+        model.parts.iter_mut().flat_map(|part| &mut part.fields).for_each(|field| field.is_boxed = false);
+    }
     check::model::variables(&model, &mut refusals);
     dependencies::refuse_cycles(&model.scalars, &mut refusals);
     refusals.check()?;
@@ -114,6 +118,7 @@ fn add_sample_clock<'a>(model: &mut Model<'a>, clock: &'a VariableDeclaration) {
         place: Place::Clocks,
         data_type: ValueType::Standard(DataType::Clock),
         positions: vec![position],
+        is_boxed: false,
     };
     model.scalars.push(Scalar {
         name: clock.name.clone(),

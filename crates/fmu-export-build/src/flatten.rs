@@ -11,8 +11,8 @@ use crate::check::variable;
 use crate::declaration::{AliasDeclaration, Contents, Declaration, VariableDeclaration, within};
 use crate::error::{Refusal, Refusals, nearest};
 use crate::model::{
-    Alias, Dynamics, Field, Part, Place, Quantity, Scalar, Texts, derivative_description, name_within,
-    outward,
+    Alias, Dynamics, Field, MOST_INLINE, Part, Place, Quantity, Scalar, Texts, derivative_description,
+    name_within, outward,
 };
 use crate::names::{length, rust_type_name};
 
@@ -374,7 +374,8 @@ impl<'a> Flat<'a> {
         }
         self.spread(part, declaration, &positions);
         self.pin(declaration, &positions, &key)?;
-        Ok(Field { declaration, place: checked.place, data_type: checked.data_type, positions })
+        let is_boxed = positions.len() > MOST_INLINE;
+        Ok(Field { declaration, place: checked.place, data_type: checked.data_type, positions, is_boxed })
     }
 
     /// Adds a variable's scalars to those of the other elements of arrays of components.

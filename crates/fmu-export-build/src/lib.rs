@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 mod assembly;
+mod calibration;
 mod check;
 mod declaration;
 mod dependencies;
@@ -46,6 +47,11 @@ pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
 /// The environment variable with the identifier that is declared, for the message of `fmu!` about a library of another
 /// name. Any library of a model needs it.
 pub const IDENTIFIER_VARIABLE: &str = "FMU_DECLARED";
+
+/// The file of the calibration description, which the typed interface includes without an operating system.
+const A2L_FILE: &str = "model.a2l";
+/// The file of the parameters' start values.
+const START_PAGE_FILE: &str = "start.page";
 
 /// What [`generate_into`] read and wrote.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -249,6 +255,11 @@ pub fn generate_into(
     let absolute = resources.is_some().then(|| path::absolute(&resources_folder)).transpose();
     let absolute = absolute.map_err(|error| Error::of_file(&resources_folder, error))?;
     let variables = rust::generate(&model, &structure, &description.guid, absolute.as_deref());
+    if model.is_bare_metal {
+        let [parameters, measurements] = calibration::cells(&model);
+        put(A2L_FILE, Some(calibration::a2l::write(&model, &parameters, &measurements).as_bytes()))?;
+        put(START_PAGE_FILE, Some(&calibration::start_page(&model, &parameters)))?;
+    }
     Ok(Generated {
         model_description: write("modelDescription.xml", &description.text)?,
         variables: write("variables.rs", &variables)?,

@@ -37,6 +37,8 @@ pub(crate) struct Model<'a> {
     pub(crate) names: BTreeMap<String, Vec<usize>>,
     /// Whether elements of an array read different variables.
     pub(crate) reads_elements: bool,
+    /// Whether the model runs without an operating system, where there is no heap.
+    pub(crate) is_bare_metal: bool,
 }
 
 /// The model itself, or a component at any depth.
@@ -120,6 +122,26 @@ pub(crate) struct Field<'a> {
     pub(crate) data_type: ValueType,
     /// The positions of the variable's scalars, row by row.
     pub(crate) positions: Vec<usize>,
+    /// Whether the array is on the heap.
+    pub(crate) is_boxed: bool,
+}
+
+/// Arrays with more elements are on the heap: the variables of a model are on the stack several times, even as numbers
+/// with derivatives, and a thread may have only 1 MB of stack.
+pub(crate) const MOST_INLINE: usize = 256;
+
+/// A scalar, or an array whose elements follow a rule.
+pub(crate) struct Variable<'m> {
+    /// The positions of the variable's elements.
+    pub(crate) positions: Vec<usize>,
+    /// The array's sizes; empty if it is a scalar.
+    pub(crate) sizes: &'m [usize],
+}
+
+impl Variable<'_> {
+    pub(crate) fn is_array(&self) -> bool {
+        !self.sizes.is_empty()
+    }
 }
 
 impl Field<'_> {
@@ -292,6 +314,34 @@ impl Scalar {
 }
 
 impl<'a> Model<'a> {
+    /// All variables, in order of declaration. If the elements of an array have different units, they are scalars.
+    pub(crate) fn variables(&self) -> Vec<Variable<'_>> {
+        let others = [Place::Time, Place::EventIndicators].into_iter().flat_map(|place| self.in_place(place));
+        let mut variables: Vec<_> =
+            others.map(|position| Variable { positions: vec![position], sizes: &[] }).collect();
+        for field in self.parts.iter().flat_map(|part| &part.fields) {
+            for offset in 0..if field.place == Place::States { 2 } else { 1 } {
+                let positions: Vec<_> = field.positions.iter().map(|position| position + offset).collect();
+                if field.is_uniform_array() {
+                    variables.push(Variable { positions, sizes: &field.declaration.sizes });
+                } else {
+                    let each = positions
+                        .into_iter()
+                        .map(|position| Variable { positions: vec![position], sizes: &[] });
+                    variables.extend(each);
+                }
+            }
+        }
+        variables.sort_by_key(|variable| variable.positions[0]);
+        variables
+    }
+
+    /// The variable that an axis of a map in a part names: in the part, or by its full name.
+    pub(crate) fn axis(&self, part: &Part<'_>, axis: &str) -> Option<&Field<'a>> {
+        let positions = self.names.get(&part.name_of(axis)).or_else(|| self.names.get(axis))?;
+        Some(self.field(*positions.first()?))
+    }
+
     /// The first variable whose name is not of the convention `structured`, if any: then all are `flat`.
     pub(crate) fn flat_name(&self) -> Option<&str> {
         let names = self.scalars.iter().flat_map(|scalar| {

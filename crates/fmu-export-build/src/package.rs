@@ -15,6 +15,8 @@ pub struct Package {
     pub authors: String,
     /// The SPDX expression of the package's license, or empty.
     pub license: String,
+    /// Whether it is compiled for a target without an operating system, and thus without files and a heap.
+    pub is_bare_metal: bool,
 }
 
 impl Package {
@@ -32,6 +34,7 @@ impl Package {
             description: variable("CARGO_PKG_DESCRIPTION"),
             authors: variable("CARGO_PKG_AUTHORS"),
             license: variable("CARGO_PKG_LICENSE"),
+            is_bare_metal: variable("CARGO_CFG_TARGET_OS") == "none",
         }
     }
 }

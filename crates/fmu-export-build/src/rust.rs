@@ -19,6 +19,7 @@ use std::path::Path;
 
 use crate::declaration::EnumerationDeclaration;
 use crate::dependencies::Structure;
+use crate::interfaces::Fmi;
 use crate::model::Model;
 use crate::names::variant_name;
 use crate::type_names::PLACES;
@@ -27,6 +28,23 @@ use generator::{Generator, described, markdown};
 /// The lints that do not apply to generated code.
 const LINTS: &str =
     "dead_code, unused_variables, nonstandard_style, clippy::all, clippy::pedantic, rustdoc::bare_urls";
+
+/// What calibration tools need of firmware.
+const CALIBRATION: &str = r#"
+/// What calibration tools need of firmware.
+pub mod calibration {
+    use ::fmu_export::calibration::{measurement_cells, parameter_cells};
+
+    /// The number of cells of the parameters.
+    pub const PARAMETERS: usize = parameter_cells::<super::Variables>();
+    /// The number of cells of the other variables.
+    pub const MEASUREMENTS: usize = measurement_cells::<super::Variables>();
+    /// The parameters' start values, as a page.
+    pub const START_PAGE: &[u8; 8 * PARAMETERS] = include_bytes!("start.page");
+    /// The A2L without addresses, of which `cargo fmu a2l` makes one with those of an image.
+    pub const A2L: &[u8] = include_bytes!("model.a2l");
+}
+"#;
 
 /// The text of `variables.rs`, with the folder of the resources.
 pub(crate) fn generate(
@@ -41,16 +59,13 @@ pub(crate) fn generate(
 
 #[allow(unused_imports)]
 pub use generated::*;
-/// Defines the functions of FMI for a model with these variables.
-#[allow(unused_imports)]
-pub use ::fmu_export::{} as export_functions;
-{enumerations}
+{export_functions}{enumerations}
 #[allow({LINTS})]
 mod generated {{
 use ::fmu_export::description as fmi;
 ",
         model.identifier,
-        model.fmi.macro_name(),
+        export_functions = if model.is_bare_metal { String::new() } else { export_functions(model.fmi) },
         enumerations = enumerations(&model.declaration.enumerations),
     );
     let mut written = BTreeSet::new();
@@ -71,7 +86,22 @@ use ::fmu_export::description as fmi;
     text += &generator.inputs_impl();
     text += &generator.variables_impl(resources);
     text += &generator.description(guid);
-    text + "}\n"
+    text.push_str("}\n");
+    if model.is_bare_metal {
+        text += CALIBRATION;
+    }
+    text
+}
+
+/// The macro that exports a model with these variables.
+fn export_functions(fmi: Fmi) -> String {
+    format!(
+        "/// Defines the functions of FMI for a model with these variables.
+#[allow(unused_imports)]
+pub use ::fmu_export::{} as export_functions;
+",
+        fmi.macro_name()
+    )
 }
 
 /// The enumerations, in their own module: they may have any name, such as `Vec`, and the rest of the text refers to

@@ -67,7 +67,7 @@ fn persist_variant(name: &str, variants: &[Variant]) -> TokenStream {
         if variant != before {
             *self = match variant {
                 $
-                _ => return ::core::result::Result::Err(::fmu_export::Error::new(::std::format!($))),
+                _ => return ::core::result::Result::Err(::fmu_export::Error::new(::core::format_args!($))),
             };
         }",
         [numbers, beginnings, TokenTree::from(Literal::string(&refusal)).into()],

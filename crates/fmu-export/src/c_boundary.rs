@@ -24,7 +24,7 @@ use crate::allocation::check_memory;
 use crate::checksum::checksum;
 use crate::instance::logger::Logger;
 use crate::instance::{Answer, Instance, Offer, Preemption};
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::description::ValueReference;
 use crate::model::variables::Described as _;
 use crate::panics::contain;

@@ -29,7 +29,7 @@ use fmu_solve::{Error, Tape};
 use fmu_terms::InstanceType;
 
 use crate::instance::logger::{Delivery, Logger};
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::context::{Context, Experiment, Timed};
 use crate::model::description::{Causality, ModelDescription, ValueReference};
 use crate::model::resources::Resources;

@@ -1,5 +1,10 @@
 #![doc = include_str!("../README.md")]
-// The equations of models may one day run without the standard library.
+// What a sampled model is written against also runs where there is no operating system, without an allocator.
+#![cfg_attr(target_os = "none", no_std)]
+#![cfg_attr(
+    target_os = "none",
+    allow(dead_code, reason = "the runtime of FMUs uses more of what a model is written against")
+)]
 #![warn(clippy::std_instead_of_core)]
 
 // The runtime's modules, of which each uses only those below it, as `tests/circles` checks:
@@ -9,65 +14,91 @@
 //   c_boundary         what the functions of all versions share
 //   trial              a model without an FMU, for its tests
 //   instance           an FMU instance: the functions of the standard, without C
-//   kinds              the kinds of models: of equations, sampled, or stepping themselves
-//   model              what a model knows, and what the runtime sees of it
+//   kinds              the kinds of models: of equations, sampled, or stepping themselves; what the runtime sees of them
+//   task, frames       a sampled model without an FMU, as firmware runs it, and what it sends and receives
+//   calibration        parameters and measurements as calibration tools see them
+//   model              what a model is written against
 //   host               of a WebAssembly module
 //   panics             caught where a function begins
 //   allocation, checksum
 //
-// Below all of them are the crates fmu-solve, whose names a model uses as if they stood here, and fmu-abi.
+// Below all of them are the crates fmu-solve, whose names a model uses as if they stood here, and fmu-abi. Without an
+// operating system there are those from task to model, and checksum.
 
+#[cfg(not(target_os = "none"))]
 mod allocation;
+#[cfg(not(target_os = "none"))]
 mod c_boundary;
+pub mod calibration;
 mod checksum;
+#[cfg(not(target_os = "none"))]
 pub mod fmi2;
+#[cfg(not(target_os = "none"))]
 pub mod fmi3;
+pub mod frames;
 #[doc = include_str!("generic_code.md")]
 pub mod generic_code {}
 #[cfg(target_family = "wasm")]
 mod host;
+#[cfg(not(target_os = "none"))]
 mod instance;
+#[cfg(not(target_os = "none"))]
 mod kinds;
 mod model;
+#[cfg(not(target_os = "none"))]
 mod panics;
+mod task;
+#[cfg(not(target_os = "none"))]
 mod trial;
 #[cfg(target_family = "wasm")]
 #[doc(hidden)]
 pub mod wasm;
 
-#[doc(hidden)]
-pub use fmu_abi::{fmi2_calls, fmi3_calls};
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
 #[doc(inline)]
-pub use fmu_solve::{
-    DEFAULT_TOLERANCE, Dual, Error, Event, Events, Integration, Number, Persistent, Recorded, Tape, display,
-    event_loop, integrator, integrator::Part, integrator::TwoRates, persistence, persistent, search, space,
-    steady_state, table,
-};
-#[doc(hidden)]
-pub use fmu_solve::{EventsLeft, Stop, Stops, time};
-pub use kinds::equations::{Equations, EvaluationOf, Multirate, VariablesOf};
-#[doc(hidden)]
-pub use kinds::integrated::{Integrate, Integrated};
-#[doc(hidden)]
-pub use kinds::sampled::SampledModel;
-pub use kinds::sampled::{Sample, Sampled};
-#[doc(hidden)]
-pub use kinds::stepper::Stepped;
-pub use kinds::stepper::Stepper;
+pub use fmu_solve::{Dual, Error, Number, Persistent, display, persistence, persistent, space, table};
 pub use model::clock::Clock;
 pub use model::context::{Context, Experiment, Log};
 pub use model::description;
-pub use model::inputs::{InputSignal, Inputs, MAX_ORDER, RealInput};
+pub use model::inputs::{Inputs, RealInput};
+pub use model::sampled::{Sample, Sampled};
 #[doc(hidden)]
 pub use model::typed;
 pub use model::variables::{Accessed, Described, Numbered, Variables};
-pub use model::{Fmu, InputsOf, Step};
-#[doc(hidden)]
-pub use model::{Model, Serves};
-pub use trial::dependencies::check_dependencies;
-pub use trial::simulation::Simulation;
+pub use task::Task;
+
+#[cfg(not(target_os = "none"))]
+pub use fmus::*;
+
+/// What FMUs need besides.
+#[cfg(not(target_os = "none"))]
+mod fmus {
+    pub use crate::kinds::{
+        Fmu, InputsOf, Step,
+        equations::{Equations, EvaluationOf, Multirate, VariablesOf},
+        input_signal::{InputSignal, MAX_ORDER},
+        stepper::Stepper,
+    };
+    #[doc(hidden)]
+    pub use crate::kinds::{
+        Model, Serves,
+        integrated::{Integrate, Integrated},
+        sampled::SampledModel,
+        stepper::Stepped,
+    };
+    pub use crate::trial::dependencies::check_dependencies;
+    pub use crate::trial::simulation::Simulation;
+    #[doc(hidden)]
+    pub use fmu_abi::{fmi2_calls, fmi3_calls};
+    #[doc(inline)]
+    pub use fmu_solve::{
+        DEFAULT_TOLERANCE, Event, Events, Integration, Recorded, Tape, event_loop, integrator,
+        integrator::Part, integrator::TwoRates, search, steady_state,
+    };
+    #[doc(hidden)]
+    pub use fmu_solve::{EventsLeft, Stop, Stops, time};
+}
 
 /// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, with its items in scope, and the FMI functions for a
@@ -130,10 +161,12 @@ macro_rules! fmu {
         #[allow(unused_imports)]
         use variables::*;
 
+        #[cfg(not(target_os = "none"))]
         impl $crate::Fmu for $exported {
             type Model = $model;
         }
 
+        #[cfg(not(target_os = "none"))]
         variables::export_functions!($exported);
     };
     ($($other:tt)*) => {

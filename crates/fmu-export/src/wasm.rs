@@ -15,7 +15,7 @@ use std::alloc::{alloc, dealloc};
 use crate::c_boundary::Exported;
 use crate::c_boundary::states::{keep, with_state};
 use crate::instance::Instance;
-use crate::model::Model;
+use crate::kinds::Model;
 
 /// The memory layout of arguments and results, aligned for any of them.
 fn layout(size: usize) -> Option<Layout> {

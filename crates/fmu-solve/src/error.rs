@@ -1,15 +1,25 @@
 //! The error of a failed call, as text for the user.
 
-use core::fmt;
+use core::fmt::{self, Write as _};
+
+/// A message as long as it needs to be.
+#[cfg(not(target_os = "none"))]
+type Message = String;
+/// A message without an allocator, which ends where its memory does.
+#[cfg(target_os = "none")]
+type Message = crate::display::Text<160>;
 
 /// The error of a failed call; its message reaches the user through the importer's logger.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Error(String);
+pub struct Error(Message);
 
 impl Error {
-    /// An error whose message names the item and its value.
-    pub fn new(message: impl Into<String>) -> Self {
-        Self(message.into())
+    /// An error whose message names the item and its value: a text, or `format_args!("…")`.
+    pub fn new(message: impl fmt::Display) -> Self {
+        let mut text = Message::default();
+        // It fails where the memory ends.
+        let _ = write!(text, "{message}");
+        Self(text)
     }
 }
 

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
-// The equations of models may one day run without the standard library.
+// What a sampled model is written against also runs where there is no operating system, without an allocator.
+#![cfg_attr(target_os = "none", no_std)]
 #![warn(clippy::std_instead_of_core)]
 
 // The modules, of which each uses only those below it, as `tests/circles` checks:
@@ -10,36 +11,53 @@
 //   integrator, stops                     the integrator, and where a communication step stops
 //   search                                the first event in a step of the integrator
 //   events                                when and why a model has an event
+//   time                                  when two times are the same
+//   chosen                                constants by experiment
 //   table, space                          tables for equations, and vectors and rotations
 //   number                                numbers with derivatives
-//   time                                  when two times are the same
+//   elementary                            the functions that core lacks
 //   persistence                           the bytes of a saved state
 //   error, display
-//   chosen                                constants by experiment
+//
+// Those from tables on are all there is without an operating system.
 
+#[cfg(not(target_os = "none"))]
 #[macro_use]
 mod chosen;
 
 pub mod display;
+mod elementary;
 mod error;
+#[cfg(not(target_os = "none"))]
 pub mod event_loop;
+#[cfg(not(target_os = "none"))]
 mod events;
+#[cfg(not(target_os = "none"))]
 mod integration;
+#[cfg(not(target_os = "none"))]
 pub mod integrator;
 mod number;
 pub mod persistence;
+#[cfg(not(target_os = "none"))]
 pub mod search;
 pub mod space;
+#[cfg(not(target_os = "none"))]
 pub mod steady_state;
+#[cfg(not(target_os = "none"))]
 mod stops;
 pub mod table;
+#[cfg(not(target_os = "none"))]
 mod tape;
+#[cfg(not(target_os = "none"))]
 pub mod time;
 
 pub use error::Error;
-pub use events::{Event, Events, MOST_ITERATIONS, endless};
-pub use integration::{DEFAULT_TOLERANCE, Integration};
 pub use number::{Dual, Number};
 pub use persistence::Persistent;
-pub use stops::{EventsLeft, Stop, Stops, due_until};
-pub use tape::{Recorded, Tape};
+#[cfg(not(target_os = "none"))]
+pub use {
+    events::{Event, Events, MOST_ITERATIONS, endless},
+    integration::{DEFAULT_TOLERANCE, Integration},
+    stops::{EventsLeft, Stop, Stops, due_until},
+    tape::{Recorded, Tape},
+};

@@ -4,9 +4,13 @@
 //! One function serves both directions: [`Persistent::persist`] names each part of a value once, and the [`Archive`]
 //! takes or replaces its bits. `#[derive(Persistent)]` writes that function for a struct or enum.
 
-use std::collections::TryReserveError;
-
 use crate::error::Error;
+
+#[cfg(not(target_os = "none"))]
+mod allocated;
+
+#[cfg(feature = "serde")]
+pub use allocated::persist_by_serde;
 
 /// Bytes being written, or read back.
 ///
@@ -16,16 +20,19 @@ pub struct Archive<'a>(Direction<'a>);
 
 #[derive(Debug)]
 enum Direction<'a> {
+    #[cfg(not(target_os = "none"))]
     Writing(Vec<u8>),
+    /// The bytes that are not yet written.
+    Filling(&'a mut [u8]),
     /// The remaining bytes.
     Reading(&'a [u8]),
 }
 
 impl<'a> Archive<'a> {
-    /// An archive for writing.
+    /// An archive that fills bytes.
     #[must_use]
-    pub fn writing() -> Self {
-        Self(Direction::Writing(Vec::new()))
+    pub fn filling(bytes: &'a mut [u8]) -> Self {
+        Self(Direction::Filling(bytes))
     }
 
     /// An archive for reading.
@@ -34,19 +41,15 @@ impl<'a> Archive<'a> {
         Self(Direction::Reading(bytes))
     }
 
-    /// The written bytes; none when reading.
-    #[must_use]
-    pub fn into_bytes(self) -> Vec<u8> {
-        match self.0 {
-            Direction::Writing(bytes) => bytes,
-            Direction::Reading(_) => Vec::new(),
-        }
-    }
-
-    /// Whether everything was read.
+    /// Whether everything was read, or all bytes are filled.
     #[must_use]
     pub fn is_exhausted(&self) -> bool {
-        matches!(self.0, Direction::Reading([]) | Direction::Writing(_))
+        match &self.0 {
+            #[cfg(not(target_os = "none"))]
+            Direction::Writing(_) => true,
+            Direction::Filling(left) => left.is_empty(),
+            Direction::Reading(left) => left.is_empty(),
+        }
     }
 
     /// Whether values are read and replaced; else they are written.
@@ -58,12 +61,16 @@ impl<'a> Archive<'a> {
     /// Writes bytes, or replaces them by the next ones read.
     ///
     /// # Errors
-    /// When fewer are left to read.
+    /// When fewer are left to fill or to read.
     pub fn bytes(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
         match &mut self.0 {
-            Direction::Writing(written) => {
-                written.try_reserve(bytes.len()).map_err(no_memory)?;
-                written.extend_from_slice(bytes);
+            #[cfg(not(target_os = "none"))]
+            Direction::Writing(written) => allocated::append(written, bytes)?,
+            Direction::Filling(left) => {
+                let (next, rest) =
+                    core::mem::take(left).split_at_mut_checked(bytes.len()).ok_or_else(too_short)?;
+                next.copy_from_slice(bytes);
+                *left = rest;
             }
             Direction::Reading(left) => {
                 let (next, rest) = left.split_at_checked(bytes.len()).ok_or_else(too_short)?;
@@ -73,49 +80,6 @@ impl<'a> Archive<'a> {
         }
         Ok(())
     }
-
-    /// Writes a number of elements, or reads one, at most the number of remaining bytes.
-    fn length(&mut self, length: usize) -> Result<usize, Error> {
-        let mut number = length as u64;
-        number.persist(self)?;
-        match &self.0 {
-            Direction::Writing(_) => Ok(length),
-            Direction::Reading(left) => {
-                usize::try_from(number).ok().filter(|&number| number <= left.len()).ok_or_else(too_short)
-            }
-        }
-    }
-}
-
-/// Persists a value by serde, in the format of `postcard`, which keeps the bits of each number. What is read takes no
-/// more memory than its type does for as many bytes.
-///
-/// # Errors
-/// When the value cannot be written, or the bytes are not such a value.
-#[cfg(feature = "serde")]
-pub fn persist_by_serde<T>(value: &mut T, archive: &mut Archive<'_>) -> Result<(), Error>
-where
-    T: serde::Serialize + serde::de::DeserializeOwned,
-{
-    let name = core::any::type_name::<T>();
-    let failed = |error| Error::new(format!("{name} in the serialized state: {error}"));
-    if !archive.is_reading() {
-        let mut bytes = postcard::to_allocvec(value).map_err(failed)?;
-        archive.length(bytes.len())?;
-        return archive.bytes(&mut bytes);
-    }
-    let mut bytes = vec![0; archive.length(0)?];
-    archive.bytes(&mut bytes)?;
-    let (read, rest) = postcard::take_from_bytes(&bytes).map_err(failed)?;
-    if !rest.is_empty() {
-        return Err(Error::new(format!("{name} in the serialized state ends too early")));
-    }
-    *value = read;
-    Ok(())
-}
-
-fn no_memory(_: TryReserveError) -> Error {
-    Error::new("out of memory: the state does not fit")
 }
 
 fn too_short() -> Error {
@@ -181,7 +145,7 @@ impl Persistent for usize {
         let mut number = *self as u64;
         number.persist(archive)?;
         *self = Self::try_from(number).map_err(|_| {
-            Error::new(format!("{number} in the serialized state is too large for this platform"))
+            Error::new(format_args!("{number} in the serialized state is too large for this platform"))
         })?;
         Ok(())
     }
@@ -209,21 +173,8 @@ impl Persistent for bool {
         *self = match byte {
             0 => false,
             1 => true,
-            other => return Err(Error::new(format!("{other} in the serialized state is not a Boolean"))),
+            other => return Err(Error::new(format_args!("{other} in the serialized state is not a Boolean"))),
         };
-        Ok(())
-    }
-}
-
-impl Persistent for String {
-    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let mut bytes = core::mem::take(self).into_bytes();
-        let length = archive.length(bytes.len())?;
-        bytes.try_reserve(length.saturating_sub(bytes.len())).map_err(no_memory)?;
-        bytes.resize(length, 0);
-        archive.bytes(&mut bytes)?;
-        *self = Self::from_utf8(bytes)
-            .map_err(|_| Error::new("a string in the serialized state is not valid UTF-8"))?;
         Ok(())
     }
 }
@@ -238,21 +189,6 @@ impl<T: Persistent + Default> Persistent for Option<T> {
             *self = None;
             Ok(())
         }
-    }
-}
-
-impl<T: Persistent + ?Sized> Persistent for Box<T> {
-    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        (**self).persist(archive)
-    }
-}
-
-impl<T: Persistent + Default> Persistent for Vec<T> {
-    fn persist(&mut self, archive: &mut Archive<'_>) -> Result<(), Error> {
-        let length = archive.length(self.len())?;
-        self.try_reserve(length.saturating_sub(self.len())).map_err(no_memory)?;
-        self.resize_with(length, T::default);
-        self.as_mut_slice().persist(archive)
     }
 }
 

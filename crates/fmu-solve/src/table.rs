@@ -21,8 +21,17 @@
 //! so does that of [`Beyond::Hold`] at the edges. The integrator copes with such a kink by shorter steps; make the
 //! knot an event if the model crosses it often, or if its states' derivatives jump by more than their usual size.
 
+use core::fmt::Display;
+
+use crate::elementary;
 use crate::error::Error;
 use crate::number::Number;
+
+#[cfg(not(target_os = "none"))]
+mod file;
+
+#[cfg(not(target_os = "none"))]
+pub use file::{Grid, ReadResource, Table};
 
 /// What is between knots.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -97,7 +106,7 @@ impl<'a, V: Number> Curve<'a, V> {
         match (self.beyond, knots) {
             (Beyond::Repeat, [first, .., last]) => {
                 let period = last.value() - first.value();
-                let rounds = ((x - first.value()) / period).floor();
+                let rounds = elementary::floor((x - first.value()) / period);
                 // The first knot is the last of the round before. Rounding may put the end of this round before the place.
                 let rest = &knots[1..];
                 after(rest, rounds * period).or_else(|| after(rest, (rounds + 1.0) * period))
@@ -112,8 +121,8 @@ impl<'a, V: Number> Curve<'a, V> {
     /// When knots do not rise strictly, there are fewer than two, there is another number of values, a number is not
     /// finite, or the edges of a repeated curve differ. The message begins with the name.
     pub fn check(self, name: &str) -> Result<(), Error> {
-        check_knots(self.knots).map_err(|reason| refused(name, &reason))?;
-        check_values(self.knots, self.values, self.beyond).map_err(|reason| refused(name, &reason))
+        check_knots(self.knots).map_err(|reason| refused(name, reason))?;
+        check_values(self.knots, self.values, self.beyond).map_err(|reason| refused(name, reason))
     }
 }
 
@@ -163,16 +172,16 @@ impl<'a, V: Number, R: AsRef<[V]>> Surface<'a, R, V> {
     /// # Errors
     /// As those of [`Curve::check`], for rows and columns.
     pub fn check(&self, name: &str) -> Result<(), Error> {
-        let of = |axis: &'static str| move |reason: String| refused(name, &format!("{axis}: {reason}"));
+        let of = |axis: &'static str| move |reason: Error| refused(name, format_args!("{axis}: {reason}"));
         check_knots(self.rows).map_err(of("rows"))?;
         check_knots(self.columns).map_err(of("columns"))?;
         if self.values.len() != self.rows.len() {
             let (values, rows) = (self.values.len(), self.rows.len());
-            return Err(refused(name, &format!("{values} rows of values for {rows} knots")));
+            return Err(refused(name, format_args!("{values} rows of values for {rows} knots")));
         }
         for (index, values) in self.values.iter().enumerate() {
             check_values(self.columns, values.as_ref(), self.beyond)
-                .map_err(|reason| refused(name, &format!("row {}: {reason}", index + 1)))?;
+                .map_err(|reason| refused(name, format_args!("row {}: {reason}", index + 1)))?;
         }
         let edges = self.values.first().zip(self.values.last());
         match edges.filter(|_| self.beyond == Beyond::Repeat) {
@@ -197,7 +206,7 @@ fn along<V: Number, T: Number + From<V>>(
     let x = match beyond {
         Beyond::Repeat => {
             let period = knot(last) - knot(0);
-            x - period * ((x - knot(0)).value() / period.value()).floor()
+            x - period * elementary::floor((x - knot(0)).value() / period.value())
         }
         _ => x,
     };
@@ -305,164 +314,43 @@ fn end_slope<T: Number>([near, far]: [T; 2], [secant, next]: [T; 2]) -> T {
     }
 }
 
-fn refused(name: &str, reason: &str) -> Error {
-    Error::new(format!("{name}: {reason}"))
+fn refused(name: &str, reason: impl Display) -> Error {
+    Error::new(format_args!("{name}: {reason}"))
 }
 
-fn check_knots<V: Number>(knots: &[V]) -> Result<(), String> {
+fn check_knots<V: Number>(knots: &[V]) -> Result<(), Error> {
     if knots.len() < 2 {
-        return Err(format!("{} knots; it needs two", knots.len()));
+        return Err(Error::new(format_args!("{} knots; it needs two", knots.len())));
     }
     check_finite("knot", knots)?;
     for (index, pair) in knots.windows(2).enumerate() {
         if pair[0] >= pair[1] {
             let [one, next] = [pair[0].value(), pair[1].value()];
-            return Err(format!("knot {} is {next}, not above the one before, {one}", index + 2));
+            return Err(Error::new(format_args!("knot {} is {next}, not above the one before, {one}", index + 2)));
         }
     }
     Ok(())
 }
 
-fn check_values<V: Number>(knots: &[V], values: &[V], beyond: Beyond) -> Result<(), String> {
+fn check_values<V: Number>(knots: &[V], values: &[V], beyond: Beyond) -> Result<(), Error> {
     if values.len() != knots.len() {
-        return Err(format!("{} values for {} knots", values.len(), knots.len()));
+        return Err(Error::new(format_args!("{} values for {} knots", values.len(), knots.len())));
     }
     check_finite("value", values)?;
     match (values, beyond) {
         ([first, .., last], Beyond::Repeat) if first != last => {
             let [first, last] = [first.value(), last.value()];
-            Err(format!("it repeats, but the first value is {first}, and the last {last}"))
+            Err(Error::new(format_args!("it repeats, but the first value is {first}, and the last {last}")))
         }
         _ => Ok(()),
     }
 }
 
-fn check_finite<V: Number>(what: &str, numbers: &[V]) -> Result<(), String> {
+fn check_finite<V: Number>(what: &str, numbers: &[V]) -> Result<(), Error> {
     match numbers.iter().position(|number| !number.value().is_finite()) {
-        Some(index) => Err(format!("{what} {} is {}", index + 1, numbers[index].value())),
+        Some(index) => {
+            Err(Error::new(format_args!("{what} {} is {}", index + 1, numbers[index].value())))
+        }
         None => Ok(()),
     }
 }
-
-/// The files that a model brings along.
-pub trait ReadResource {
-    /// The bytes of a file.
-    ///
-    /// # Errors
-    /// When it cannot be read.
-    fn resource(&self, name: &str) -> Result<Vec<u8>, Error>;
-}
-
-/// The numbers of a CSV file, by rows. Empty lines and those that begin with `#` are left out, as is a first line of
-/// names. The first cell may be a text, which a grid does not use.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Table {
-    name: String,
-    rows: Vec<Vec<f64>>,
-    /// The refusal of the first cell, if it is a text.
-    corner: Option<Error>,
-}
-
-impl Table {
-    /// Reads a text; its name is for messages.
-    ///
-    /// # Errors
-    /// When a cell other than the first is not a number; the message names the line.
-    pub fn parse(name: &str, text: &str) -> Result<Self, Error> {
-        let lines = text.trim_start_matches('\u{feff}').lines().enumerate();
-        let lines = lines.filter(|(_, line)| !line.starts_with('#') && !line.trim().is_empty());
-        let (mut rows, mut corner) = (vec![], None);
-        for (position, (index, line)) in lines.enumerate() {
-            let cells = line.split(',').map(str::trim);
-            if position == 0 && cells.clone().all(|cell| cell.parse::<f64>().is_err()) {
-                continue;
-            }
-            let number = |(column, cell): (usize, &str)| {
-                cell.parse().or_else(|_| {
-                    let refusal = refused(name, &format!("line {}: '{cell}' is not a number", index + 1));
-                    if (position, column) == (0, 0) {
-                        corner = Some(refusal);
-                        return Ok(f64::NAN);
-                    }
-                    Err(refusal)
-                })
-            };
-            rows.push(cells.enumerate().map(number).collect::<Result<_, _>>()?);
-        }
-        Ok(Self { name: name.to_owned(), rows, corner })
-    }
-
-    /// Reads a file of a model's resources, which are those of `fmu_export::Context`.
-    ///
-    /// # Errors
-    /// When [`ReadResource::resource`] or [`Table::parse`] fails, or the file is not UTF-8.
-    pub fn resource(resources: &impl ReadResource, name: &str) -> Result<Self, Error> {
-        let bytes = resources.resource(name)?;
-        let text = str::from_utf8(&bytes).map_err(|error| refused(name, &error.to_string()))?;
-        Self::parse(name, text)
-    }
-
-    /// The table's rows. If the first cell is a text, it is NaN.
-    #[must_use]
-    pub fn rows(self) -> Vec<Vec<f64>> {
-        self.rows
-    }
-
-    /// The table's columns.
-    ///
-    /// # Errors
-    /// When the first cell is a text, or a row has another number of cells.
-    pub fn columns<const COLUMNS: usize>(self) -> Result<[Vec<f64>; COLUMNS], Error> {
-        if let Some(refusal) = self.corner {
-            return Err(refusal);
-        }
-        let mut columns = [const { Vec::new() }; COLUMNS];
-        for (index, row) in self.rows.iter().enumerate() {
-            let row: &[f64; COLUMNS] = row.as_slice().try_into().map_err(|_| {
-                let (row, cells) = (index + 1, row.len());
-                refused(&self.name, &format!("row {row} has {cells} cells, not {COLUMNS}"))
-            })?;
-            for (column, &cell) in columns.iter_mut().zip(row) {
-                column.push(cell);
-            }
-        }
-        Ok(columns)
-    }
-
-    /// The table's numbers as those of a [`Surface`]: columns' knots in the first row, after a cell that is not used
-    /// and may be a text, then in each row the row's knot and its values.
-    ///
-    /// # Errors
-    /// When [`Surface::check`] rejects the numbers.
-    pub fn grid(self) -> Result<Grid, Error> {
-        let mut rows = self.rows.into_iter();
-        let columns = rows.next().unwrap_or_default().into_iter().skip(1).collect();
-        let (rows, values) = rows
-            .map(|mut row| {
-                let values = row.split_off(row.len().min(1));
-                (row.first().copied().unwrap_or(f64::NAN), values)
-            })
-            .unzip();
-        let grid = Grid { rows, columns, values };
-        grid.surface().check(&self.name)?;
-        Ok(grid)
-    }
-}
-
-/// The numbers of a [`Surface`].
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Grid {
-    rows: Vec<f64>,
-    columns: Vec<f64>,
-    values: Vec<Vec<f64>>,
-}
-
-impl Grid {
-    /// The surface over these numbers.
-    #[must_use]
-    pub fn surface(&self) -> Surface<'_, Vec<f64>> {
-        Surface::new(&self.rows, &self.columns, &self.values)
-    }
-}
-
-crate::persistent! { Grid { rows, columns, values } }

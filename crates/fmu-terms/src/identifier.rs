@@ -11,10 +11,13 @@ pub fn is_identifier(text: &str) -> bool {
 /// Whether Windows keeps a name for a device, so that no file can have it, whatever its extension.
 #[must_use]
 pub fn is_reserved_by_windows(name: &str) -> bool {
-    let name = name.to_ascii_lowercase();
-    match name.strip_prefix("com").or_else(|| name.strip_prefix("lpt")) {
-        Some(port) => port.len() == 1 && port.bytes().all(|digit| digit.is_ascii_digit()),
-        None => ["con", "prn", "aux", "nul"].contains(&name.as_str()),
+    let is_one_of = |text: &str, names: &[&str]| names.iter().any(|name| text.eq_ignore_ascii_case(name));
+    match name.split_at_checked(3) {
+        Some((device, "")) => is_one_of(device, &["con", "prn", "aux", "nul"]),
+        Some((device, port)) if is_one_of(device, &["com", "lpt"]) => {
+            port.len() == 1 && port.bytes().all(|digit| digit.is_ascii_digit())
+        }
+        _ => false,
     }
 }
 

@@ -1,8 +1,7 @@
 //! The FMI version and interfaces of an export, and the environment variables by which a command passes them to build
 //! scripts.
 
-use std::fmt;
-use std::str::FromStr;
+use core::fmt;
 
 use crate::words::words;
 
@@ -45,15 +44,6 @@ impl Version {
             Self::Two => "2",
             Self::Three => "3",
         }
-    }
-}
-
-impl FromStr for Version {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let known = Self::ALL.into_iter().find(|version| version.as_str() == text);
-        known.ok_or_else(|| format!("'{text}' is not one of 2 and 3"))
     }
 }
 
@@ -206,29 +196,6 @@ impl From<Interface> for Interfaces {
             Interface::ModelExchange => Self::ModelExchange,
             Interface::ScheduledExecution => Self::ScheduledExecution,
         }
-    }
-}
-
-impl FromStr for Interface {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "cs" => Ok(Self::CoSimulation),
-            "me" => Ok(Self::ModelExchange),
-            "se" => Ok(Self::ScheduledExecution),
-            _ => Err(format!("'{text}' is not one of cs, me and se")),
-        }
-    }
-}
-
-impl FromStr for Interfaces {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wanted = if text == "me,cs" { "cs,me" } else { text };
-        let known = Self::ALL.into_iter().find(|interfaces| interfaces.as_str() == wanted);
-        known.ok_or_else(|| format!("'{text}' is not one of cs, me, cs,me and se"))
     }
 }
 

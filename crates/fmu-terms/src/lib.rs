@@ -1,10 +1,14 @@
 #![doc = include_str!("../README.md")]
+#![cfg_attr(target_os = "none", no_std)]
+#![warn(clippy::std_instead_of_core)]
 
 mod identifier;
 mod interfaces;
 #[cfg(feature = "units")]
 mod likeness;
 mod names;
+#[cfg(not(target_os = "none"))]
+mod parsing;
 #[cfg(feature = "units")]
 mod units;
 mod variables;

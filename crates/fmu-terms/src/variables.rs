@@ -1,6 +1,6 @@
 //! The attributes of variables (FMI 2.0.5, section 2.2.7; FMI 3.0.2, section 2.4.7) and their types.
 
-use std::fmt;
+use core::fmt;
 
 use crate::Version;
 use crate::words::words;

@@ -120,7 +120,7 @@ impl BoostSensor {
 
     /// Whether the sensor was found, since the last call, after the integral term had followed it.
     pub fn take_misled(&mut self) -> bool {
-        std::mem::take(&mut self.has_misled)
+        core::mem::take(&mut self.has_misled)
     }
 
     /// Whether the measurement is plausible and changed at this sample.

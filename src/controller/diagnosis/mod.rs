@@ -21,7 +21,7 @@ mod evidence;
 mod filling;
 mod freeze_frame;
 
-use std::fmt;
+use core::fmt;
 
 use fmu_export::display::Rounded;
 use fmu_export::{Context, Error, Persistent};
@@ -398,7 +398,7 @@ pub fn check(parameters: &DiagnosisParameters) -> Result<(), Error> {
         (("pump_run_time", p.pump_run_time), ("pump_cycle_time", p.pump_cycle_time), " s"),
     ] {
         if lower.1 >= upper.1 {
-            return Err(Error::new(format!(
+            return Err(Error::new(format_args!(
                 "diagnosis.{} is {}{unit} and must be below diagnosis.{}, which is {}{unit}",
                 lower.0, lower.1, upper.0, upper.1
             )));

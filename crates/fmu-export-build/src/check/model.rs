@@ -6,7 +6,7 @@ use fmu_terms::{Causality, DataType, IntervalVariability, Version};
 
 use crate::declaration::Declaration;
 use crate::error::{Refusals, nearest};
-use crate::model::{Model, Part, Place, Scalar, outward};
+use crate::model::{Model, Part, Place, Scalar, outward, without_subscripts};
 use crate::names::{clock_name, field_name, unique};
 use crate::texts::text;
 use crate::type_names::{FIXED_NAMES, struct_names};
@@ -18,6 +18,63 @@ pub(crate) fn variables(model: &Model<'_>, refusals: &mut Refusals) {
     types_of_version(model, refusals);
     calculated_parameters(model, refusals);
     clocks(model, refusals);
+    axes(model, refusals);
+    if model.is_bare_metal {
+        bare_metal(model, refusals);
+    }
+}
+
+/// Each axis is a parameter with a value for each row, column and so on of its map.
+fn axes(model: &Model<'_>, refusals: &mut Refusals) {
+    for (part, field) in
+        model.parts.iter().flat_map(|part| part.fields.iter().map(move |field| (part, field)))
+    {
+        let declaration = field.declaration;
+        let Scalar { name, key, .. } = &model.scalars[field.positions[0]];
+        let name = without_subscripts(name);
+        let sizes = &declaration.sizes;
+        if declaration.axes.is_empty() {
+            continue;
+        }
+        if declaration.axes.len() != sizes.len() {
+            let (axes, sizes) = (declaration.axes.len(), sizes.len());
+            refusals.add(key, format!("{name}: has {axes} axes for {sizes} dimensions"));
+            continue;
+        }
+        for (axis, &size) in declaration.axes.iter().zip(sizes) {
+            let reason = match model.axis(part, axis) {
+                Some(found) if found.place != Place::Parameters => {
+                    format!("the axis '{axis}' is no parameter")
+                }
+                Some(found) if found.declaration.sizes != [size] => {
+                    format!(
+                        "the axis '{axis}' has the dimensions {:?}, not [{size}]",
+                        found.declaration.sizes
+                    )
+                }
+                Some(_) => continue,
+                None => format!("there is no axis '{axis}'{}", nearest(axis, model.names.keys())),
+            };
+            refusals.add(key, format!("{name}: {reason}"));
+        }
+    }
+}
+
+/// Without an operating system there are neither files nor memory for texts of any length.
+fn bare_metal(model: &Model<'_>, refusals: &mut Refusals) {
+    for scalar in &model.scalars {
+        if let data_type @ (DataType::String | DataType::Binary) = scalar.data_type.data_type() {
+            let reason = "needs memory from an operating system, which the target has not";
+            refusals.add(
+                &scalar.key,
+                format!("{}: a {} {reason}", scalar.name, data_type.name(model.fmi.version)),
+            );
+        }
+    }
+    if let Some(resources) = &model.declaration.resources {
+        let reason = format!("the target has no operating system with files: {resources}");
+        refusals.add("resources", reason);
+    }
 }
 
 /// If there are groups, each state belongs to that of its outermost component, and each group has states.

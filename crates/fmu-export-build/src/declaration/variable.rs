@@ -68,6 +68,10 @@ pub(crate) struct VariableDeclaration {
     /// The array sizes as numbers; the structural parameters of the declaration are filled in.
     #[serde(skip)]
     pub(crate) sizes: Vec<usize>,
+    /// For a map or a curve: the parameters over which it is given, one for each dimension, by their names in the same
+    /// component or full names. Calibration tools show it over them.
+    #[serde(default)]
+    pub(crate) axes: Vec<String>,
     /// Makes the variable a continuous-time state.
     #[serde(default, deserialize_with = "true_or_object")]
     #[cfg_attr(test, schemars(schema_with = "derivative_schema"))]

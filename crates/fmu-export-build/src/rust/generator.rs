@@ -6,24 +6,12 @@ use fmu_terms::DataType;
 
 use crate::declaration::EnumerationDeclaration;
 use crate::dependencies::Structure;
-use crate::model::{Field, Model, Part, Place, Scalar};
+use crate::model::{Field, Model, Part, Place, Scalar, Variable};
 use crate::names::variant_name;
 use crate::start::Start;
 use crate::texts::comment;
 use crate::type_names::PLACES;
 use crate::value_type::ValueType;
-
-/// Arrays with more elements are on the heap: the variables of a model are on the stack several times, even as numbers
-/// with derivatives, and a thread may have only 1 MB of stack.
-pub(super) const MOST_INLINE: usize = 256;
-
-/// A scalar, or an array whose elements follow a rule.
-pub(super) struct Variable<'m> {
-    /// The positions of the variable's elements.
-    pub(super) positions: Vec<usize>,
-    /// The array's sizes; empty if it is a scalar.
-    pub(super) sizes: &'m [usize],
-}
 
 pub(super) struct Generator<'m, 'a> {
     pub(super) model: &'m Model<'a>,
@@ -37,7 +25,7 @@ pub(super) struct Generator<'m, 'a> {
 impl<'m, 'a> Generator<'m, 'a> {
     pub(super) fn new(model: &'m Model<'a>, structure: &'m Structure) -> Self {
         let mut generator =
-            Self { model, variables: variables(model), structure, without_default: BTreeSet::new() };
+            Self { model, variables: model.variables(), structure, without_default: BTreeSet::new() };
         let mut starts = BTreeMap::new();
         for place in PLACES {
             for part in &model.parts[1..] {
@@ -101,8 +89,8 @@ impl<'m, 'a> Generator<'m, 'a> {
         let starts: Vec<_> = field.positions.iter().map(|&position| self.start(position)).collect();
         let are_equal = starts.iter().all(|start| *start == starts[0]);
         match &field.declaration.sizes[..] {
-            sizes if !field.is_boxed() && are_equal => filled(sizes, &starts[0], is_copy(field.data_type)),
-            sizes if !field.is_boxed() => nest(sizes, &starts),
+            sizes if !field.is_boxed && are_equal => filled(sizes, &starts[0], is_copy(field.data_type)),
+            sizes if !field.is_boxed => nest(sizes, &starts),
             [size, inner @ ..] if are_equal => {
                 let element = filled(inner, &starts[0], is_copy(field.data_type));
                 format!("::fmu_export::typed::boxed(::std::vec![{element}; {size}])")
@@ -291,27 +279,6 @@ pub(super) fn full_path(scalar: &Scalar) -> String {
     format!("{}.{}", scalar.place.field_name(), scalar.path)
 }
 
-/// All variables of a model. If the elements of an array have different units, they are scalars.
-fn variables<'m>(model: &'m Model<'_>) -> Vec<Variable<'m>> {
-    let others = [Place::Time, Place::EventIndicators].into_iter().flat_map(|place| model.in_place(place));
-    let mut variables: Vec<_> =
-        others.map(|position| Variable { positions: vec![position], sizes: &[] }).collect();
-    for field in model.parts.iter().flat_map(|part| &part.fields) {
-        for offset in 0..if field.place == Place::States { 2 } else { 1 } {
-            let positions: Vec<_> = field.positions.iter().map(|position| position + offset).collect();
-            if field.is_uniform_array() {
-                variables.push(Variable { positions, sizes: &field.declaration.sizes });
-            } else {
-                let each =
-                    positions.into_iter().map(|position| Variable { positions: vec![position], sizes: &[] });
-                variables.extend(each);
-            }
-        }
-    }
-    variables.sort_by_key(|variable| variable.positions[0]);
-    variables
-}
-
 /// Variables, each with the number of scalars before.
 fn numbered<'v, 'm: 'v>(
     variables: impl Iterator<Item = &'v Variable<'m>>,
@@ -321,19 +288,6 @@ fn numbered<'v, 'm: 'v>(
         *next += variable.positions.len();
         Some((first, variable))
     })
-}
-
-impl Variable<'_> {
-    pub(super) fn is_array(&self) -> bool {
-        !self.sizes.is_empty()
-    }
-}
-
-impl Field<'_> {
-    /// Whether the field is on the heap.
-    pub(super) fn is_boxed(&self) -> bool {
-        self.positions.len() > MOST_INLINE
-    }
 }
 
 /// Whether values of a type are `Copy`.

@@ -116,7 +116,7 @@ impl {name} {{
     pub const COUNT: usize = {count};
 "
         );
-        if fields.iter().any(|field| field.is_boxed()) {
+        if fields.iter().any(|field| field.is_boxed) {
             return number + "}\n";
         }
         let scalar = |field: &Field<'_>| &self.model.scalars[field.positions[0]];

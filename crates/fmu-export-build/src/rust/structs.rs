@@ -68,7 +68,7 @@ impl Generator<'_, '_> {
         let sizes = declaration.sizes.iter().rev();
         let array =
             sizes.fold(self.rust_type(field.data_type), |data_type, size| format!("[{data_type}; {size}]"));
-        let is_boxed = field.is_boxed();
+        let is_boxed = field.is_boxed;
         StructField {
             name: field.name(),
             description: described(declaration.description.as_deref(), &declaration.name) + &unit,
@@ -173,7 +173,7 @@ const EVALUATION: &str = "
 
 /// Whether a field is `Copy`.
 pub(super) fn is_copied(field: &Field<'_>) -> bool {
-    is_copy(field.data_type) && !field.is_boxed()
+    is_copy(field.data_type) && !field.is_boxed
 }
 
 /// A field of a generated struct.

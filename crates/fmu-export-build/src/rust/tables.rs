@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 
 use fmu_terms::DataType;
 
-use super::generator::{Generator, Variable, bound};
+use super::generator::{Generator, bound};
 use crate::declaration::{Declaration, Warnings};
 use crate::dependencies::{Structure, Unknown, known_in_steps};
-use crate::model::{Place, Scalar, without_subscripts};
+use crate::model::{Place, Scalar, Variable, without_subscripts};
 
 impl Generator<'_, '_> {
     /// The clocks, and the variables that belong to them, if any.

@@ -27,6 +27,7 @@ fn generate(out_dir: &std::path::Path) -> Generated {
         description: "A mass on a spring".to_owned(),
         authors: "A. Author <a@example.org>:B. Author".to_owned(),
         license: "MIT".to_owned(),
+        ..Package::default()
     };
     generate_into(&sources().join("oscillator.json"), out_dir, &package, Interfaces::CoSimulation)
         .unwrap_or_else(|error| panic!("{error}"))

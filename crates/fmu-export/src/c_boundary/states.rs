@@ -11,7 +11,7 @@ use super::arguments::{elements, not_null, write_elements};
 use crate::c_boundary::saved_states;
 use crate::instance::memory::Memory;
 use crate::instance::{Answer, Instance};
-use crate::model::Model;
+use crate::kinds::Model;
 
 /// Reads the state behind a handle.
 pub(crate) fn with_state<M: Model, T>(

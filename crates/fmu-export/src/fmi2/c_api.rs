@@ -21,7 +21,7 @@ use crate::c_boundary::arguments::{c_string, elements, not_null, write_elements}
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
 use crate::instance::logger::{Logger, Recipient};
 use crate::instance::{Answer, Instance};
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::context::Experiment;
 use crate::model::resources::Resources;
 use crate::model::variables::Described as _;

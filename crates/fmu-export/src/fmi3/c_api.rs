@@ -17,7 +17,7 @@ use crate::c_boundary::arguments::{elements, not_null, write_elements};
 use crate::c_boundary::{self, c_functions, get_values, held, set_values, states};
 use crate::instance::Instance;
 use crate::instance::dependencies::DEPENDENT;
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::context::Experiment;
 use crate::model::variables::Described as _;
 

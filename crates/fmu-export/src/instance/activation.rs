@@ -8,7 +8,7 @@ use fmu_solve::display::Shown;
 use fmu_solve::time::summed_rounding;
 
 use super::{Answer, ClockUpdate, Instance};
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::description::{ClockDescription, IntervalVariability, ValueReference};
 use crate::model::variables::{Accessed as _, Described as _};
 

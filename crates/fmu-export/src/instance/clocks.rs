@@ -11,7 +11,7 @@ use fmu_solve::Error;
 
 use super::memory::is_activated;
 use super::{Answer, Instance, check_finite};
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::clock::{IntervalQualifier, check_time};
 use crate::model::context::{Context, Timed};
 use crate::model::description::{ClockDescription, DataType, IntervalVariability, Name, ValueReference};

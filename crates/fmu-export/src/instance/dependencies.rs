@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use fmu_solve::Error;
 
 use super::Instance;
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::description::{Dependencies, ValueReference};
 use crate::model::variables::Described as _;
 

@@ -8,7 +8,7 @@ use fmu_solve::{Dual, Error};
 
 use super::values::REALS;
 use super::{Answer, Instance};
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::description::{
     Causality, Roles, ScalarVariable, ValueReference, Variability, VariableDescription,
 };

@@ -6,7 +6,7 @@ use fmu_solve::{Error, EventsLeft, Stop, Stops};
 use fmu_terms::InstanceType;
 
 use super::{Answer, Instance, IntermediateCallback};
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::description::{Causality, DataType, ValueReference, Variability, VariableDescription};
 use crate::model::variables::Described as _;
 

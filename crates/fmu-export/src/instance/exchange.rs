@@ -12,7 +12,7 @@ use fmu_terms::InstanceType;
 
 use super::memory::{EventUnderWay, Memory};
 use super::{Answer, Instance, check_finite};
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::context::{Context, Timed};
 use crate::model::description::ValueReference;
 use crate::model::variables::{Described as _, Numbered as _};

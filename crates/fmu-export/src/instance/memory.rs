@@ -12,12 +12,12 @@ use fmu_solve::{Error, Events};
 use fmu_terms::InstanceType;
 
 use crate::instance::logger::RecentMessages;
+use crate::kinds::input_signal::InputSignal;
+use crate::kinds::{InputsOf, Model, calculate_parameters};
 use crate::model::clock::Clock;
 use crate::model::context::Experiment;
 use crate::model::description::{ClockDescription, ValueReference};
-use crate::model::inputs::InputSignal;
 use crate::model::variables::{Accessed as _, Described as _};
-use crate::model::{InputsOf, Model, calculate_parameters};
 
 /// The content of a saved state.
 #[derive(Clone)]

@@ -9,7 +9,7 @@ use super::Instance;
 use super::memory::Memory;
 use crate::allocation::check_memory;
 use crate::instance::serialized_state;
-use crate::model::Model;
+use crate::kinds::Model;
 
 impl<M: Model> Instance<M> {
     /// A copy of everything that affects later calls.

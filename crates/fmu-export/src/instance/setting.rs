@@ -9,11 +9,11 @@ use fmu_solve::display::Shown;
 use super::values::{BINARIES, BOOLEANS, FLOATS, REALS, STRINGS, Whole};
 use super::{Answer, Instance};
 use crate::allocation::check_memory;
-use crate::model::Model;
+use crate::kinds::Model;
+use crate::kinds::input_signal::MAX_ORDER;
 use crate::model::description::{
     Causality, DataType, Initial, ScalarVariable, ValueReference, Variability, VariableDescription,
 };
-use crate::model::inputs::MAX_ORDER;
 use crate::model::variables::{Accessed as _, Described as _};
 
 /// How to set values of a type.

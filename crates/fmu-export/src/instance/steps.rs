@@ -8,10 +8,10 @@ use fmu_solve::{Error, Events};
 
 use super::memory::Memory;
 use super::{Answer, Instance, check_finite};
+use crate::kinds::{InputsOf, Model, Step};
 use crate::model::context::{Context, Timed};
 use crate::model::description::{Capabilities, Version};
 use crate::model::variables::Accessed as _;
-use crate::model::{InputsOf, Model, Step};
 
 impl<M: Model> Instance<M> {
     /// Advances by one communication step.

@@ -10,7 +10,7 @@ use fmu_solve::display::Shown;
 
 use super::{Answer, Instance};
 use crate::allocation::check_memory;
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::description::{DataType, ScalarVariable, ValueReference, VariableDescription, Version};
 use crate::model::variables::{Accessed as _, Described as _};
 

@@ -17,11 +17,12 @@ pub use self::integrate::Integrate;
 
 use crate::kinds::audit::first_discrete_difference;
 use crate::kinds::equations::{Equations, calculate_parameters, evaluate_values};
+use crate::kinds::input_signal::InputSignal;
+use crate::kinds::{Fmu, InputsOf, Model, Serves, Step};
 use crate::model::context::Context;
 use crate::model::description::{Causality, DataType};
-use crate::model::inputs::{InputSignal, Inputs as _};
+use crate::model::inputs::Inputs as _;
 use crate::model::variables::{Accessed, Described as _, Numbered};
-use crate::model::{Fmu, InputsOf, Model, Serves, Step};
 
 /// From where a communication step can be integrated again, and where a failed one is left: its start, or the last event
 /// in it.

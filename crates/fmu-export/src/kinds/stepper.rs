@@ -3,9 +3,9 @@
 use fmu_solve::persistence::Persistent;
 use fmu_solve::{Dual, Error, Tape};
 
+use crate::kinds::{Fmu, InputsOf, Model, Step, provides_no};
 use crate::model::context::Context;
 use crate::model::variables::{Accessed, Numbered, Variables};
-use crate::model::{Fmu, InputsOf, Model, Step, provides_no};
 
 /// A model that steps itself, for co-simulation.
 ///

@@ -108,7 +108,7 @@ impl Clock {
     /// The interval in s, unless the model has not set it or it is invalid.
     pub(crate) fn checked_interval(&self, name: Name, kind: IntervalVariability) -> Result<f64, Error> {
         let Some(interval) = self.interval else {
-            return Err(Error::new(format!("the model has not set the interval of the clock {name}")));
+            return Err(Error::new(format_args!("the model has not set the interval of the clock {name}")));
         };
         check_time("interval", name, interval, interval > 0.0 || interval >= 0.0 && !kind.is_periodic())?;
         Ok(interval)
@@ -136,6 +136,6 @@ pub(crate) fn check_time(what: &str, name: Name, time: f64, is_allowed: bool) ->
     if is_allowed && time.is_finite() {
         Ok(())
     } else {
-        Err(Error::new(format!("{} s for the {what} of the clock {name}", Shown(time))))
+        Err(Error::new(format_args!("{} s for the {what} of the clock {name}", Shown(time))))
     }
 }

@@ -4,9 +4,7 @@ use core::fmt;
 
 use fmu_solve::Error;
 use fmu_solve::display::{Seconds, Shown};
-use fmu_solve::table::ReadResource;
 
-use crate::model::resources::{self, Resources};
 use crate::model::variables::Variables;
 
 /// The category of errors.
@@ -15,9 +13,6 @@ pub const ERROR: &str = "logStatusError";
 pub const WARNING: &str = "logStatusWarning";
 /// The category of events.
 pub const EVENT: &str = "logEvents";
-
-/// The longest file that a model reads unless it asks for more.
-const MOST_BYTES: u64 = 256 << 20;
 
 /// The arguments of `fmi2SetupExperiment`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -51,7 +46,8 @@ pub struct Context<'a> {
     /// The experiment as set up.
     pub experiment: Experiment,
     log: &'a mut dyn Log,
-    resources: Option<&'a Resources>,
+    #[cfg(not(target_os = "none"))]
+    pub(super) resources: Option<&'a super::resources::Resources>,
     /// When the model requested the end, in s.
     pub(crate) end: Option<f64>,
 }
@@ -59,56 +55,18 @@ pub struct Context<'a> {
 impl<'a> Context<'a> {
     /// A context outside any FMU, for calling a model directly.
     pub fn new(experiment: Experiment, log: &'a mut dyn Log) -> Self {
-        Self { experiment, log, resources: None, end: None }
-    }
-
-    /// This context with the files of an FMU.
-    pub(crate) fn with_resources(self, resources: &'a Resources) -> Self {
-        Self { resources: Some(resources), ..self }
+        Self {
+            experiment,
+            log,
+            #[cfg(not(target_os = "none"))]
+            resources: None,
+            end: None,
+        }
     }
 
     /// This context with another logger.
     pub(crate) fn with_log<'b>(&'b self, log: &'b mut dyn Log) -> Context<'b> {
         Context { log, ..*self }
-    }
-
-    /// The content of a file in the FMU's `resources` folder, given its path there; at most 256 MiB.
-    ///
-    /// # Errors
-    /// If the path leads out of the folder, if the file cannot be read, is too large or is not a file, or if there is no
-    /// FMU.
-    pub fn resource(&self, name: &str) -> Result<Vec<u8>, Error> {
-        self.resource_up_to(name, MOST_BYTES)
-    }
-
-    /// The content of a file in the FMU's `resources` folder, up to a size in bytes.
-    ///
-    /// # Errors
-    /// As [`Context::resource`].
-    pub fn resource_up_to(&self, name: &str, most: u64) -> Result<Vec<u8>, Error> {
-        match self.resources {
-            Some(resources) => resources.read(name, most),
-            None => Err(Error::new(format!(
-                "the resource {name} is part of the FMU, but the model runs without one"
-            ))),
-        }
-    }
-
-    /// The content of a user's file, such as one that a String parameter names: a path that is absolute, or relative to
-    /// the importer's current folder; at most 256 MiB. Data that belong to the FMU are [resources](Self::resource).
-    ///
-    /// # Errors
-    /// If the file cannot be read, is too large or is not a file.
-    pub fn file(&self, path: &str) -> Result<Vec<u8>, Error> {
-        self.file_up_to(path, MOST_BYTES)
-    }
-
-    /// The content of a user's file, up to a size in bytes.
-    ///
-    /// # Errors
-    /// As [`Context::file`].
-    pub fn file_up_to(&self, path: &str, most: u64) -> Result<Vec<u8>, Error> {
-        resources::file(path, most)
     }
 
     /// Requests the end of the simulation at a time (s) in the present step.
@@ -124,7 +82,7 @@ impl<'a> Context<'a> {
     pub(crate) fn end(&self) -> Result<Option<f64>, Error> {
         #[cold]
         fn refused(end: f64) -> Error {
-            Error::new(format!("the model requests the end at {} s", Shown(end)))
+            Error::new(format_args!("the model requests the end at {} s", Shown(end)))
         }
         match self.end {
             Some(end) if !end.is_finite() => Err(refused(end)),
@@ -189,12 +147,6 @@ impl<F: FnMut(&'static str, fmt::Arguments<'_>)> Log for Timed<F> {
 
     fn message(&mut self, category: &'static str, message: fmt::Arguments<'_>) {
         (self.log)(category, format_args!("at {} s: {message}", Seconds(self.time)));
-    }
-}
-
-impl ReadResource for Context<'_> {
-    fn resource(&self, name: &str) -> Result<Vec<u8>, Error> {
-        Context::resource(self, name)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Static tables of a model's variables, generated from the model's JSON together with the modelDescription.xml (FMI
 //! 2.0.5, section 2.2).
 
-use core::fmt;
+use core::fmt::{self, Write as _};
 use core::ops::Deref;
 
 pub use fmu_abi::ValueReference;
@@ -109,7 +109,7 @@ impl VariableDescription {
     }
 
     /// All elements with their value references.
-    pub(crate) fn scalars(&'static self) -> impl Iterator<Item = (ValueReference, ScalarVariable)> {
+    pub(crate) fn scalars(&'static self) -> impl Iterator<Item = (ValueReference, ScalarVariable)> + Clone {
         let numbered = (0..).zip(0..self.elements as usize);
         numbered.map(move |(number, element)| {
             (self.value_reference + number * self.stride, ScalarVariable { description: self, element })
@@ -188,18 +188,25 @@ impl fmt::Debug for Name {
 
 impl PartialEq<str> for Name {
     fn eq(&self, other: &str) -> bool {
-        let VariableDescription { base_name, dimensions, .. } = self.0.description;
-        if dimensions.is_empty() {
-            return *base_name == other;
-        }
-        let name = self.to_string();
-        name == other
+        let mut expected = Expected(other);
+        write!(expected, "{self}").is_ok() && expected.0.is_empty()
     }
 }
 
+#[cfg(not(target_os = "none"))]
 impl PartialEq<String> for Name {
     fn eq(&self, other: &String) -> bool {
         *self == **other
+    }
+}
+
+/// What is left of a text that is expected to be written.
+struct Expected<'a>(&'a str);
+
+impl fmt::Write for Expected<'_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0 = self.0.strip_prefix(text).ok_or(fmt::Error)?;
+        Ok(())
     }
 }
 

@@ -4,6 +4,7 @@
 ///
 /// # Panics
 /// With another number of elements.
+#[cfg(not(target_os = "none"))]
 #[doc(hidden)]
 #[must_use]
 pub fn boxed<T, const N: usize>(elements: Vec<T>) -> Box<[T; N]> {
@@ -179,7 +180,10 @@ macro_rules! enumeration {
                 let mut value = self.value();
                 value.persist(archive)?;
                 *self = Self::from_value(value).ok_or_else(|| {
-                    $crate::Error::new(format!("{value} is not an item of {}", stringify!($name)))
+                    $crate::Error::new(::core::format_args!(
+                        "{value} is not an item of {}",
+                        ::core::stringify!($name)
+                    ))
                 })?;
                 ::core::result::Result::Ok(())
             }

@@ -5,11 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use fmu_solve::{Dual, Error};
 
+use crate::kinds::{Fmu, Model};
 use crate::model::context::{Context, Experiment};
 use crate::model::description::{Causality, DataType, Dependencies, Name, ValueReference};
 use crate::model::resources::Resources;
 use crate::model::variables::{Accessed as _, Described as _, Numbered as _};
-use crate::model::{Fmu, Model};
 use crate::panics;
 
 /// The number of points at which derivatives are evaluated.

@@ -3,12 +3,12 @@
 use fmu_solve::Error;
 use fmu_solve::time::Ahead;
 
+use crate::kinds::input_signal::InputSignal;
+use crate::kinds::{Fmu, InputsOf, Model, Step, calculate_parameters};
 use crate::model::clock::Clock;
 use crate::model::context::{Context, Experiment, Log, Timed};
-use crate::model::inputs::InputSignal;
 use crate::model::resources::Resources;
 use crate::model::variables::{Accessed as _, Numbered as _};
-use crate::model::{Fmu, InputsOf, Model, Step, calculate_parameters};
 
 /// A model with its variables and messages, and the resources of its package. Unlike in an FMU, values are not checked.
 ///

@@ -8,7 +8,7 @@ use crate::c_boundary::arguments::{elements, write_elements};
 use crate::c_boundary::c_functions;
 use crate::instance::activation::fraction;
 use crate::instance::clocks::seconds;
-use crate::model::Model;
+use crate::kinds::Model;
 
 c_functions! {
     fmi3GetClock(

@@ -8,7 +8,7 @@ use fmu_terms::InstanceType;
 use crate::c_boundary::arguments::not_null;
 use crate::c_boundary::{self, c_functions};
 use crate::instance::Instance;
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::variables::Described as _;
 
 c_functions! {

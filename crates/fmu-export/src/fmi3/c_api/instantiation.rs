@@ -16,7 +16,7 @@ use crate::host;
 use crate::instance::event_mode::{has_intermediate_update, name_of};
 use crate::instance::logger::{Logger, Recipient};
 use crate::instance::{self, ClockUpdate, IntermediateCallback, IntermediateUpdate, Preemption};
-use crate::model::Model;
+use crate::kinds::Model;
 use crate::model::resources::Resources;
 use crate::model::variables::Described as _;
 

@@ -13,7 +13,7 @@ use crate::c_boundary::{Exported, call, refuse, silence_panics};
 #[cfg(target_family = "wasm")]
 use crate::host;
 use crate::instance::{self, Preemption};
-use crate::model::Model;
+use crate::kinds::Model;
 
 /// `fmi3InstantiateScheduledExecution`: null and a message if an argument is wrong, or the FMU does not offer it.
 #[must_use]

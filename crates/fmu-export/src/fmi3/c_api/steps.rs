@@ -9,7 +9,7 @@ use fmu_solve::Error;
 use crate::c_boundary::arguments::not_null;
 use crate::c_boundary::{Exported, c_functions, call};
 use crate::instance::{Answer, Instance};
-use crate::model::Model;
+use crate::kinds::Model;
 
 c_functions! {
     fmi3EnterStepMode() if EVENT_MODE, Instance::enter_step_mode;

@@ -6,9 +6,9 @@ use fmu_solve::integrator::{Directions, Method, Part, Pattern, System, TwoParts}
 use fmu_solve::time::rounding;
 use fmu_solve::{Dual, Recorded, Tape};
 
+use crate::kinds::Step;
 use crate::kinds::equations::{Equations, Multirate, duals, evaluate, evaluate_values};
-use crate::model::Step;
-use crate::model::inputs::InputSignal;
+use crate::kinds::input_signal::InputSignal;
 use crate::model::variables::{Accessed, Described as _, Numbered as _};
 use crate::panics;
 

@@ -8,9 +8,9 @@ use fmu_solve::{Error, Events, Stop, Stops, time};
 use super::equated::{Equated, Place};
 use super::{Integrate, Integrated, Origin};
 use crate::kinds::equations::{Equations, evaluate_values};
+use crate::kinds::{InputsOf, Model as _, Step};
 use crate::model::context::Context;
 use crate::model::variables::{Accessed, Described as _, Numbered as _};
-use crate::model::{InputsOf, Model as _, Step};
 use crate::panics;
 
 /// How many trials and events more a communication step may take for each time as long as the longest internal step.

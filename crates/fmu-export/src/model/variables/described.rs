@@ -115,7 +115,7 @@ pub trait Described: 'static {
 
     /// The scalar variables, each with its value reference.
     #[must_use]
-    fn described() -> impl Iterator<Item = (ValueReference, ScalarVariable)> {
+    fn described() -> impl Iterator<Item = (ValueReference, ScalarVariable)> + Clone {
         Self::DESCRIPTION.variables.iter().flat_map(VariableDescription::scalars)
     }
 
@@ -130,6 +130,7 @@ pub trait Described: 'static {
     }
 
     /// The name of the state at a position.
+    #[cfg(not(target_os = "none"))]
     #[must_use]
     fn state_name(position: usize) -> String {
         let mut states = Self::described().filter(|(_, variable)| variable.state() == Some(position));

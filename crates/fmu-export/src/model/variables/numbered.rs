@@ -111,6 +111,7 @@ pub trait Numbered: Described + Accessed + Sized {
 
     /// Variables with weights in place of Real ones, each of which occurs once, and 0 elsewhere. For
     /// [`Stepper::differentiate_backwards`](crate::Stepper::differentiate_backwards).
+    #[cfg(not(target_os = "none"))]
     #[must_use]
     fn weights(references: &[ValueReference], weights: &[f64]) -> Self
     where

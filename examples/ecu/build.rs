@@ -1,0 +1,37 @@
+//! Compiles the parameters of a set into the reference page: those of the file that the environment variable
+//! `ECU_PARAMETERS` names, over the start values.
+
+use std::env;
+use std::error::Error;
+use std::fs;
+use std::path::Path;
+
+use fmu_package::{Causality, FmuDescription, FmuVariable, ParameterSet, Value};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-env-changed=ECU_PARAMETERS");
+    println!("cargo::rerun-if-changed=memory.x");
+    println!("cargo::rerun-if-changed=a2l.x");
+    println!("cargo::rustc-link-search={}", env::var("CARGO_MANIFEST_DIR")?);
+    let description = FmuDescription::parse(boost_fmu::CONTROLLER_XML)?;
+    let is_parameter = |variable: &&FmuVariable| variable.causality == Causality::Parameter;
+    let mut parameters: Vec<_> = description.variables.iter().filter(is_parameter).collect();
+    parameters.sort_by_key(|parameter| parameter.value_reference.meaning());
+    let mut cells = String::new();
+    if let Ok(file) = env::var("ECU_PARAMETERS") {
+        println!("cargo::rerun-if-changed={file}");
+        for parameter in ParameterSet::read(Path::new(&file))?.fit(&description)?.parameters {
+            let cell = parameters.iter().position(|known| known.name == parameter.name);
+            let cell = cell.ok_or_else(|| format!("{file}: {} is no parameter", parameter.name))?;
+            let bits = match parameter.value {
+                Value::Real(number, _) => number.to_bits(),
+                Value::Integer(number) => number.cast_unsigned().into(),
+                Value::Boolean(value) => value.into(),
+                other => return Err(format!("{file}: {}: {other:?} has no cell", parameter.name).into()),
+            };
+            cells += &format!("({cell}, {bits}),");
+        }
+    }
+    let file = Path::new(&env::var("OUT_DIR")?).join("parameters.rs");
+    Ok(fs::write(file, format!("&[{cells}]"))?)
+}

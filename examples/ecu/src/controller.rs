@@ -1,0 +1,202 @@
+//! The controller with its parameters and what it answers.
+
+use fmu_export::calibration::{self, Cells, Follower};
+use fmu_export::display::Text;
+use fmu_export::frames::{self, Kind};
+use fmu_export::{Error, Task};
+
+use crate::board::{SerialLine, Stopwatch};
+use crate::stack;
+use boost_fmu::controller::variables::calibration::{MEASUREMENTS, PARAMETERS, START_PAGE};
+use boost_fmu::controller::{ControlLaw, limp_home};
+
+/// The parameters with which the firmware starts, in the flash.
+static REFERENCE_PAGE: [u64; PARAMETERS] = reference_page();
+
+/// The start values, with those of the parameter set.
+const fn reference_page() -> [u64; PARAMETERS] {
+    let (start, _) = START_PAGE.as_chunks::<8>();
+    let set: &[(usize, u64)] = include!(concat!(env!("OUT_DIR"), "/parameters.rs"));
+    let mut page = [0; PARAMETERS];
+    let mut cell = 0;
+    while cell < PARAMETERS {
+        page[cell] = u64::from_le_bytes(start[cell]);
+        cell += 1;
+    }
+    let mut number = 0;
+    while number < set.len() {
+        page[set[number].0] = set[number].1;
+        number += 1;
+    }
+    page
+}
+
+/// The samples without new measurements after which the engine limps home: a tenth of a second at 80 Hz, in which the
+/// throttle's air fills the manifold once.
+const MOST_MISSING: u32 = 8;
+
+/// What the firmware does.
+#[derive(Clone, Copy, PartialEq)]
+enum State {
+    /// It waits for the first inputs.
+    Waiting,
+    Running,
+    /// Measurements are missing, or the controller has failed.
+    LimpingHome,
+}
+
+/// The instructions, in ticks of the stopwatch, of the samples.
+#[derive(Clone, Copy, Default)]
+struct Statistics {
+    samples: u64,
+    ticks: u64,
+    most: u64,
+}
+
+pub struct Controller {
+    task: Task<ControlLaw>,
+    state: State,
+    page: &'static Cells<PARAMETERS>,
+    follower: Follower<PARAMETERS>,
+    measurements: &'static Cells<MEASUREMENTS>,
+    line: SerialLine,
+    statistics: Statistics,
+    /// The samples since the last measurements.
+    missing: u32,
+}
+
+impl Controller {
+    pub fn new(
+        page: &'static Cells<PARAMETERS>,
+        measurements: &'static Cells<MEASUREMENTS>,
+        line: SerialLine,
+    ) -> Self {
+        page.set(0, REFERENCE_PAGE.iter().copied());
+        Self {
+            task: Task::default(),
+            state: State::Waiting,
+            page,
+            follower: Follower::new(),
+            measurements,
+            line,
+            statistics: Statistics::default(),
+            missing: 0,
+        }
+    }
+
+    /// The sample period in s.
+    pub fn period(&self) -> f64 {
+        self.task.variables.parameters.sample_time
+    }
+
+    /// Writes cells to the calibration page, after the number of the first one.
+    pub fn write_page(&mut self, mut cells: impl Iterator<Item = u64>) {
+        let first = cells.next().and_then(|first| usize::try_from(first).ok());
+        self.page.set(first.unwrap_or(PARAMETERS), cells);
+    }
+
+    /// Starts anew with inputs and the parameters of the calibration page, and answers.
+    pub fn initialize(&mut self, inputs: impl Iterator<Item = u64>) {
+        self.task = Task::default();
+        self.follower = Follower::new();
+        let done = self.start(inputs);
+        self.answer(done);
+    }
+
+    fn start(&mut self, inputs: impl Iterator<Item = u64>) -> Result<(), Error> {
+        self.state = State::Waiting;
+        if let Some(page) = self.follower.changed(self.page) {
+            self.task.take_page(page)?;
+        }
+        calibration::set_inputs(&mut self.task.variables, inputs)?;
+        self.task.initialize(&mut log(self.line))?;
+        self.state = State::Running;
+        Ok(())
+    }
+
+    /// Executes a sample with inputs, and answers.
+    pub fn sample(&mut self, inputs: impl Iterator<Item = u64>) {
+        let done = calibration::set_inputs(&mut self.task.variables, inputs).and_then(|()| self.execute());
+        self.answer(done);
+    }
+
+    /// Takes measurements for the next samples. Returns whether the controller has just begun to run.
+    pub fn take_measurements(&mut self, inputs: impl Iterator<Item = u64> + Clone) -> bool {
+        if self.state == State::Running {
+            if calibration::set_inputs(&mut self.task.variables, inputs).is_ok() {
+                self.missing = 0;
+            }
+            return false;
+        }
+        self.task = Task::default();
+        self.follower = Follower::new();
+        let done = self.start(inputs);
+        self.missing = 0;
+        self.answer(done);
+        self.state == State::Running
+    }
+
+    /// Executes a sample with the latest measurements, or limps home without.
+    pub fn release(&mut self) {
+        self.missing = self.missing.saturating_add(1);
+        if self.missing > MOST_MISSING {
+            self.state = State::LimpingHome;
+        }
+        let done = if self.state == State::Running { self.execute() } else { Ok(()) };
+        if done.is_err() {
+            self.state = State::LimpingHome;
+        }
+        if self.state == State::LimpingHome {
+            let variables = &mut self.task.variables;
+            variables.outputs = limp_home(&variables.parameters);
+        }
+        self.answer(done);
+    }
+
+    /// Executes a sample, with a changed page if the controller takes it.
+    fn execute(&mut self) -> Result<(), Error> {
+        if self.state != State::Running {
+            return Err(Error::new("the controller has not been initialized, or has failed"));
+        }
+        if let Some(page) = self.follower.changed(self.page)
+            && let Err(error) = self.task.take_page(page)
+        {
+            let text = Text::<200>::of(format_args!("the parameters stay as they were: {error}"));
+            frames::send(Kind::Warning, text.bytes(), |byte| self.line.send(byte));
+        }
+        let stopwatch = Stopwatch::start();
+        let done = self.task.sample(&mut log(self.line));
+        let ticks = stopwatch.ticks().into();
+        let Statistics { samples, ticks: all, most } = self.statistics;
+        self.statistics = Statistics { samples: samples + 1, ticks: all + ticks, most: most.max(ticks) };
+        if done.is_err() {
+            self.state = State::Waiting;
+        }
+        done
+    }
+
+    /// Shows the variables to calibration tools, and sends them, or an error.
+    fn answer(&self, done: Result<(), Error>) {
+        self.measurements.set(0, calibration::measurements(&self.task.variables));
+        let send = |byte| self.line.send(byte);
+        match done {
+            Ok(()) => frames::send(Kind::Answer, frames::bytes(self.measurements.all()), send),
+            Err(error) => frames::send(Kind::Error, Text::<200>::of(error).bytes(), send),
+        }
+    }
+
+    /// Sends what samples and stack have cost since it was asked last.
+    pub fn send_statistics(&mut self) {
+        let Statistics { samples, ticks, most } = core::mem::take(&mut self.statistics);
+        let cells = [samples, ticks, most, stack::used() as u64];
+        frames::send(Kind::Statistics, frames::bytes(cells.into_iter()), |byte| self.line.send(byte));
+    }
+}
+
+/// Sends messages over the line.
+fn log(line: SerialLine) -> impl FnMut(&'static str, core::fmt::Arguments<'_>) {
+    move |category, message| {
+        let kind = if category == "logEvents" { Kind::Event } else { Kind::Warning };
+        frames::send(kind, Text::<200>::of(message).bytes(), |byte| line.send(byte));
+    }
+}
