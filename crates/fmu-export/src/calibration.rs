@@ -200,16 +200,6 @@ pub fn set_inputs<V: Variables>(
     Ok(())
 }
 
-/// Sets the variables other than parameters and inputs to the values of cells, which another task has computed.
-pub fn set_results<V: Variables>(variables: &mut V, cells: impl Iterator<Item = u64>) {
-    for (cell, (reference, variable)) in cells.zip(scalars::<V>(false)) {
-        if variable.causality != Causality::Input {
-            let bits = significant(cell, variable.data_type);
-            put(variables, reference, variable.data_type, bits);
-        }
-    }
-}
-
 /// Sets a scalar to the value of a cell.
 fn set<V: Variables>(
     variables: &mut V,

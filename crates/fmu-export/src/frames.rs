@@ -2,8 +2,8 @@
 //! an FMU that couples a plant with it.
 //!
 //! A frame is a start byte, its kind, the length of its content in two bytes, the content, and the checksum of all these in
-//! eight bytes, numbers little-endian. What does not add up is skipped, byte by byte, up to the next frame that does. Values
-//! are [cells](crate::calibration) of eight bytes.
+//! eight bytes, numbers little-endian. What does not add up is skipped, byte by byte, up to the next frame that does. Inputs
+//! and parameters are [cells](crate::calibration) of eight bytes.
 
 use crate::calibration::CELL;
 use crate::checksum::Checksum;
@@ -30,7 +30,7 @@ pub enum Kind {
     /// To the ECU: what samples have cost since it was asked last. From the ECU: their number, the ticks of a stopwatch in all
     /// of them and in the longest one, and the bytes of stack that were used.
     Statistics = b'C',
-    /// From the ECU: the cells of all variables but parameters, after the work that was asked for.
+    /// From the ECU: the results of the work that was asked for, as an [`Archive`](crate::persistence::Archive) of them.
     Answer = b'A',
     /// From the ECU: the text of a warning.
     Warning = b'W',

@@ -41,15 +41,21 @@ impl<'a> Archive<'a> {
         Self(Direction::Reading(bytes))
     }
 
+    /// How many bytes are left to read or to fill; none when writing.
+    #[must_use]
+    pub fn left(&self) -> usize {
+        match &self.0 {
+            #[cfg(not(target_os = "none"))]
+            Direction::Writing(_) => 0,
+            Direction::Filling(left) => left.len(),
+            Direction::Reading(left) => left.len(),
+        }
+    }
+
     /// Whether everything was read, or all bytes are filled.
     #[must_use]
     pub fn is_exhausted(&self) -> bool {
-        match &self.0 {
-            #[cfg(not(target_os = "none"))]
-            Direction::Writing(_) => true,
-            Direction::Filling(left) => left.is_empty(),
-            Direction::Reading(left) => left.is_empty(),
-        }
+        self.left() == 0
     }
 
     /// Whether values are read and replaced; else they are written.

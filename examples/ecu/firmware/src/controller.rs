@@ -3,7 +3,8 @@
 use fmu_export::calibration::{self, Cells, Follower};
 use fmu_export::display::Text;
 use fmu_export::frames::{self, Kind};
-use fmu_export::{Error, Task};
+use fmu_export::persistence::Archive;
+use fmu_export::{Error, Persistent as _, Task};
 
 use crate::board::{SerialLine, Stopwatch};
 use crate::stack;
@@ -34,6 +35,9 @@ const fn reference_page() -> [u64; PARAMETERS] {
 /// The samples without new measurements after which the engine limps home: a tenth of a second at 80 Hz, in which the
 /// throttle's air fills the manifold once.
 const MOST_MISSING: u32 = 8;
+
+/// The bytes of the results, at most: eight for each measurement.
+const MOST_RESULTS: usize = 8 * MEASUREMENTS;
 
 /// What the firmware does.
 #[derive(Clone, Copy, PartialEq)]
@@ -176,11 +180,18 @@ impl Controller {
     }
 
     /// Shows the variables to calibration tools, and sends them, or an error.
-    fn answer(&self, done: Result<(), Error>) {
-        self.measurements.set(0, calibration::measurements(&self.task.variables));
+    fn answer(&mut self, done: Result<(), Error>) {
+        let variables = &mut self.task.variables;
+        self.measurements.set(0, calibration::measurements(variables));
+        let mut results = [0; MOST_RESULTS];
+        let mut archive = Archive::filling(&mut results);
+        let archived = done
+            .and_then(|()| variables.outputs.persist(&mut archive))
+            .and_then(|()| variables.locals.persist(&mut archive));
+        let length = MOST_RESULTS - archive.left();
         let send = |byte| self.line.send(byte);
-        match done {
-            Ok(()) => frames::send(Kind::Answer, frames::bytes(self.measurements.all()), send),
+        match archived {
+            Ok(()) => frames::send(Kind::Answer, results[..length].iter().copied(), send),
             Err(error) => frames::send(Kind::Error, Text::<200>::of(error).bytes(), send),
         }
     }

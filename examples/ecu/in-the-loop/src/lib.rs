@@ -1,0 +1,76 @@
+//! The boost pressure controller's firmware in the loop: an FMU with the variables of BoostController, whose samples the
+//! firmware computes on QEMU's Cortex-M7.
+#![allow(non_snake_case)]
+
+pub mod ecu;
+
+use fmu_export::calibration;
+use fmu_export::persistence::Archive;
+use fmu_export::{Context, Error, Persistent, Sample, Sampled};
+
+use ecu::Ecu;
+
+fmu_export::fmu!(sampled InTheLoop);
+
+/// The firmware on a processor of its own.
+#[derive(Debug, Default, Persistent)]
+pub struct InTheLoop {
+    #[persistent(skip)]
+    ecu: Option<Ecu>,
+    /// The page of parameters that the firmware has.
+    #[persistent(skip)]
+    page: Vec<u64>,
+}
+
+/// A clone has no processor: the FMU offers no states to save.
+impl Clone for InTheLoop {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl InTheLoop {
+    /// Has the firmware work with the variables' parameters and inputs, and takes its results.
+    fn work(
+        &mut self,
+        work: impl FnOnce(&mut Ecu, &mut dyn Iterator<Item = u64>) -> Result<(), Error>,
+        variables: &mut Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        let ecu = match &mut self.ecu {
+            Some(ecu) => ecu,
+            none => none.insert(Ecu::start()?),
+        };
+        let page: Vec<_> = calibration::page(variables).collect();
+        if page != self.page {
+            ecu.write_page(&page)?;
+            self.page = page;
+        }
+        work(ecu, &mut calibration::inputs(variables))?;
+        let results = ecu.answer(context)?;
+        let mut archive = Archive::reading(&results);
+        variables.outputs.persist(&mut archive)?;
+        variables.locals.persist(&mut archive)
+    }
+}
+
+impl Sampled for InTheLoop {
+    type Variables = Variables;
+
+    fn period(variables: &Variables) -> f64 {
+        variables.parameters.sample_time
+    }
+
+    fn initialize(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {
+        self.work(Ecu::initialize, variables, context)
+    }
+
+    fn sample(
+        &mut self,
+        _sample: Sample,
+        variables: &mut Variables,
+        context: &mut Context<'_>,
+    ) -> Result<(), Error> {
+        self.work(Ecu::sample, variables, context)
+    }
+}
