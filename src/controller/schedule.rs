@@ -66,10 +66,18 @@ pub struct LocalModel {
 /// A position on a grid axis, between a grid point and the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct GridPosition {
-    /// The grid point below.
+    /// The grid point below; not the last one.
     below: usize,
     /// The fraction of the interval to the next one: 0 to 1.
     fraction: f64,
+}
+
+/// The elements at a grid point that is not the last one, and at the next. An ECU must not panic: the index is within
+/// bounds for the compiler, too.
+#[inline]
+fn pair<T, const POINTS: usize>(values: &[T; POINTS], below: usize) -> [&T; 2] {
+    let below = below.min(POINTS - 2);
+    [&values[below], &values[below + 1]]
 }
 
 impl GridPosition {
@@ -81,10 +89,11 @@ impl GridPosition {
         while below + 2 < POINTS && axis[below + 1] <= value {
             below += 1;
         }
-        let width = axis[below + 1] - axis[below];
+        let [&before, &after] = pair(axis, below);
+        let width = after - before;
         // A non-increasing axis is rejected before the first step, but initialization must get that far without
         // dividing by zero.
-        let fraction = if width > 0.0 { ((value - axis[below]) / width).clamp(0.0, 1.0) } else { 0.0 };
+        let fraction = if width > 0.0 { ((value - before) / width).clamp(0.0, 1.0) } else { 0.0 };
         Self { below, fraction }
     }
 }
@@ -93,7 +102,8 @@ impl GridPosition {
 #[must_use]
 pub fn interpolate<const POINTS: usize>(axis: &[f64; POINTS], values: &[f64; POINTS], at: f64) -> f64 {
     let GridPosition { below, fraction } = GridPosition::on(axis, at);
-    (1.0 - fraction) * values[below] + fraction * values[below + 1]
+    let [&before, &after] = pair(values, below);
+    (1.0 - fraction) * before + fraction * after
 }
 
 /// An operating point in a schedule.
@@ -172,23 +182,24 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     pub fn pressure_held_by(self, duty: f64) -> f64 {
         let rows = self.schedule.boost_pressure;
         let (column, share) = (self.column.below, self.column.fraction);
-        let duty_of_row = |row: usize| {
-            let duties = &self.schedule.duty[row];
-            between(duties[column], duties[column + 1], share)
+        let duty_of = |duties: &[f64; COLUMNS]| {
+            let [&left, &right] = pair(duties, column);
+            between(left, right, share)
         };
-        let least = larger(duty, duty_of_row(ROWS - 1));
-        let (mut above, mut duty_above) = (0, duty_of_row(0));
-        if duty_above <= least {
+        let least = larger(duty, duty_of(&self.schedule.duty[ROWS - 1]));
+        let first = duty_of(&self.schedule.duty[0]);
+        if first <= least {
             return rows[0];
         }
-        let mut duty_below = duty_above;
-        while duty_above > least && above + 1 < ROWS {
-            above += 1;
+        let (mut below, mut duty_below, mut duty_above) = (0, first, duty_of(&self.schedule.duty[1]));
+        while duty_above > least && below + 2 < ROWS {
+            below += 1;
             duty_below = duty_above;
-            duty_above = duty_of_row(above);
+            duty_above = duty_of(&self.schedule.duty[below + 1]);
         }
         let share = (duty_below - least) / (duty_below - duty_above);
-        rows[above - 1] + share.clamp(0.0, 1.0) * (rows[above] - rows[above - 1])
+        let [&before, &after] = pair(rows, below);
+        before + share.clamp(0.0, 1.0) * (after - before)
     }
 
     /// The engine near this point.
@@ -214,7 +225,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     #[inline]
     pub fn interpolate(self, table: &[[f64; COLUMNS]; ROWS]) -> f64 {
         let (row, column) = (self.row.below, self.column.below);
-        let [below, next] = [row, row + 1].map(|row| [table[row][column], table[row][column + 1]]);
+        let [below, next] = pair(table, row).map(|row| pair(row, column).map(|&value| value));
         let [a, b, c, d] = self.weights;
         (a * below[0] + b * below[1]) + (c * next[0] + d * next[1])
     }

@@ -80,20 +80,18 @@ impl<const BYTES: usize> Deref for Text<BYTES> {
     type Target = str;
 
     fn deref(&self) -> &str {
-        str::from_utf8(&self.bytes[..self.length]).unwrap_or_default()
+        str::from_utf8(self.bytes.get(..self.length).unwrap_or_default()).unwrap_or_default()
     }
 }
 
 impl<const BYTES: usize> fmt::Write for Text<BYTES> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
-        let length = text.floor_char_boundary(BYTES - self.length);
-        self.bytes[self.length..self.length + length].copy_from_slice(&text.as_bytes()[..length]);
+        let free = self.bytes.get_mut(self.length..).unwrap_or_default();
+        let length = text.floor_char_boundary(free.len());
+        free.iter_mut().zip(text.bytes().take(length)).for_each(|(free, byte)| *free = byte);
         self.length += length;
         // What follows must not appear without what was cut.
-        if length == text.len() {
-            return Ok(());
-        }
-        Err(fmt::Error)
+        if length == text.len() { Ok(()) } else { Err(fmt::Error) }
     }
 }
 
@@ -114,7 +112,10 @@ mod tests {
         for number in [f64::MAX, f64::MIN, f64::MIN_POSITIVE, 5e-324, -1.0, 0.0, f64::INFINITY] {
             let shown = Shown(number).to_string().parse::<f64>();
             assert_eq!(shown.map(f64::to_bits), Ok(number.to_bits()), "{number:e}");
-            assert_eq!(Seconds(number).to_string(), Shown(format!("{number:.9}").parse().unwrap()).to_string());
+            assert_eq!(
+                Seconds(number).to_string(),
+                Shown(format!("{number:.9}").parse().unwrap()).to_string()
+            );
         }
         assert_eq!(Rounded(f64::NAN).to_string(), "NaN");
     }

@@ -137,8 +137,11 @@ pub trait Number:
     /// The number to a constant integer power.
     #[must_use]
     fn powi(self, exponent: i32) -> Self {
-        let derivative =
-            if exponent == 0 { 0.0 } else { f64::from(exponent) * elementary::powi(self.value(), exponent - 1) };
+        let derivative = if exponent == 0 {
+            0.0
+        } else {
+            f64::from(exponent) * elementary::powi(self.value(), exponent - 1)
+        };
         self.mapped(elementary::powi(self.value(), exponent), derivative)
     }
 
@@ -278,7 +281,8 @@ pub trait Number:
     fn rem_euclid(self, divisor: impl Into<Self>) -> Self {
         let divisor = divisor.into();
         let quotient = elementary::div_euclid(self.value(), divisor.value());
-        self.mapped(elementary::rem_euclid(self.value(), divisor.value()), 1.0) + divisor.mapped(NOTHING, -quotient)
+        self.mapped(elementary::rem_euclid(self.value(), divisor.value()), 1.0)
+            + divisor.mapped(NOTHING, -quotient)
     }
 
     /// The largest integer that is not larger. It jumps; if the jump matters, make it an event.

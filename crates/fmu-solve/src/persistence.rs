@@ -179,7 +179,9 @@ impl Persistent for bool {
         *self = match byte {
             0 => false,
             1 => true,
-            other => return Err(Error::new(format_args!("{other} in the serialized state is not a Boolean"))),
+            other => {
+                return Err(Error::new(format_args!("{other} in the serialized state is not a Boolean")));
+            }
         };
         Ok(())
     }

@@ -326,7 +326,10 @@ fn check_knots<V: Number>(knots: &[V]) -> Result<(), Error> {
     for (index, pair) in knots.windows(2).enumerate() {
         if pair[0] >= pair[1] {
             let [one, next] = [pair[0].value(), pair[1].value()];
-            return Err(Error::new(format_args!("knot {} is {next}, not above the one before, {one}", index + 2)));
+            return Err(Error::new(format_args!(
+                "knot {} is {next}, not above the one before, {one}",
+                index + 2
+            )));
         }
     }
     Ok(())
@@ -348,9 +351,7 @@ fn check_values<V: Number>(knots: &[V], values: &[V], beyond: Beyond) -> Result<
 
 fn check_finite<V: Number>(what: &str, numbers: &[V]) -> Result<(), Error> {
     match numbers.iter().position(|number| !number.value().is_finite()) {
-        Some(index) => {
-            Err(Error::new(format_args!("{what} {} is {}", index + 1, numbers[index].value())))
-        }
+        Some(index) => Err(Error::new(format_args!("{what} {} is {}", index + 1, numbers[index].value()))),
         None => Ok(()),
     }
 }

@@ -191,7 +191,7 @@ impl Controller {
         let length = MOST_RESULTS - archive.left();
         let send = |byte| self.line.send(byte);
         match archived {
-            Ok(()) => frames::send(Kind::Answer, results[..length].iter().copied(), send),
+            Ok(()) => frames::send(Kind::Answer, results.iter().copied().take(length), send),
             Err(error) => frames::send(Kind::Error, Text::<200>::of(error).bytes(), send),
         }
     }
