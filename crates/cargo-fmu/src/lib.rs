@@ -5,6 +5,7 @@
 //! The commands of `cargo fmu`, which other commands may offer as well. Each is a type whose fields clap fills from the
 //! command line. Those that run FMUs are in the crate `fmu-run`.
 
+mod a2l;
 mod compile;
 mod compile_sources;
 mod export;
@@ -32,6 +33,7 @@ use fmu_io::exit::exit_with;
 use fmu_io::terminal;
 use fmu_io::terminal::{CARGO_FMU, program};
 
+pub use a2l::A2l;
 pub use compile_sources::Compile;
 pub use export::{Export, Plan, say, trial};
 pub use info::Info;
@@ -112,6 +114,10 @@ Examples:
 Example:
   cargo fmu parameters target/fmu/decay.fmu --out slow.ssv")]
     Parameters(Parameters),
+    #[command(after_help = "\
+Example:
+  cargo fmu a2l target/thumbv7em-none-eabihf/release/ecu --out ecu.a2l")]
+    A2l(A2l),
     #[cfg(feature = "simulate")]
     #[command(flatten)]
     Run(fmu_run::Command),
@@ -171,6 +177,7 @@ pub fn main() -> ExitCode {
             Command::Info(info) => info.run(),
             Command::Validate(validate) => return validate.run(),
             Command::Parameters(parameters) => parameters.run(),
+            Command::A2l(a2l) => a2l.run(),
             #[cfg(feature = "simulate")]
             Command::Run(command) => return command.run(is_worker, &arguments, &trial),
             Command::Completions { shell } => {

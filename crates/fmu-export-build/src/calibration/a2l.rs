@@ -4,8 +4,9 @@
 //! Addresses are 0 until `cargo fmu a2l` takes them from the firmware's image: `SYMBOL_LINK` names a symbol there and the
 //! distance from it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::iter;
 
 use fmu_terms::{DataType, Linear, Variability};
 
@@ -20,20 +21,25 @@ const MEASUREMENTS: &str = "MEASUREMENTS";
 
 /// Writes the A2L.
 pub(crate) fn write(model: &Model<'_>, parameters: &[Cells<'_>], measurements: &[Cells<'_>]) -> String {
-    let mut writer =
-        Writer { model, conversions: BTreeMap::new(), layouts: BTreeMap::new(), items: String::new() };
+    let mut writer = Writer {
+        model,
+        names: names(model, parameters.iter().chain(measurements)),
+        conversions: BTreeMap::new(),
+        layouts: BTreeMap::new(),
+        items: String::new(),
+    };
     for cells in parameters {
         writer.parameter(cells);
     }
     for cells in measurements {
         writer.measurement(cells);
     }
+    let groups = writer.groups(parameters, measurements);
     let Writer { conversions, layouts, items, .. } = writer;
     let name = identifier(&model.identifier);
     let description = quoted(model.description.as_deref().unwrap_or(&model.identifier));
     let conversions: String = conversions.into_values().collect();
     let layouts: String = layouts.into_values().collect();
-    let groups = groups(model, parameters, measurements);
     format!(
         "ASAP2_VERSION 1 71
 
@@ -61,6 +67,8 @@ pub(crate) fn write(model: &Model<'_>, parameters: &[Cells<'_>], measurements: &
 
 struct Writer<'m, 'a> {
     model: &'m Model<'a>,
+    /// The identifiers of the variables, by the positions of their first scalars.
+    names: BTreeMap<usize, String>,
     /// The conversions by their names.
     conversions: BTreeMap<String, String>,
     /// The record layouts by their names.
@@ -145,7 +153,7 @@ impl Writer<'_, '_> {
         let positions = field.positions.clone();
         let scalar = &self.model.scalars[positions[0]];
         let (conversion, [lower, upper]) = self.conversion(scalar);
-        let name = identifier(&without_subscripts(&scalar.name));
+        let name = &self.names[&positions[0]];
         let points = positions.len();
         format!(
             "
@@ -167,12 +175,10 @@ impl Writer<'_, '_> {
 
     fn common(&mut self, cells: &Cells<'_>, symbol: &str) -> Common {
         let scalar = &self.model.scalars[cells.variable.positions[0]];
-        let full =
-            if cells.variable.is_array() { without_subscripts(&scalar.name) } else { scalar.name.clone() };
         let (conversion, [lower, upper]) = self.conversion(scalar);
         Common {
-            name: identifier(&full),
-            description: quoted(scalar.texts.description.as_deref().unwrap_or(&full)),
+            name: self.names[&cells.variable.positions[0]].clone(),
+            description: quoted(scalar.texts.description.as_deref().unwrap_or(&scalar.name)),
             data_type: data_type(scalar.data_type),
             conversion,
             lower,
@@ -261,6 +267,40 @@ impl Writer<'_, '_> {
         (name, if linear.factor < 0.0 { [limits[1], limits[0]] } else { limits })
     }
 
+    /// The model's components as groups.
+    fn groups(&self, parameters: &[Cells<'_>], measurements: &[Cells<'_>]) -> String {
+        let model = self.model;
+        let of = |part: usize, list: &[Cells<'_>]| {
+            let firsts = list.iter().map(|cells| cells.variable.positions[0]);
+            let own = firsts.filter(|&first| model.scalars[first].field[0] == part);
+            own.map(|first| format!(" {}", self.names[&first])).collect::<String>()
+        };
+        let mut text = String::new();
+        for (position, part) in model.parts.iter().enumerate() {
+            let reference = |kind: &str, names: String| {
+                if names.is_empty() { names } else { format!("      /begin {kind}{names} /end {kind}\n") }
+            };
+            let inner: String = part
+                .components
+                .iter()
+                .map(|&inner| format!(" {}", group_name(&model.parts[inner])))
+                .collect();
+            let root = if part.around.is_none() { "      ROOT\n" } else { "" };
+            let _ = write!(
+                text,
+                "    /begin GROUP {} {}
+{root}{}{}{}    /end GROUP
+",
+                group_name(part),
+                quoted(part.description.as_deref().unwrap_or_default()),
+                reference("REF_CHARACTERISTIC", of(position, parameters)),
+                reference("REF_MEASUREMENT", of(position, measurements)),
+                reference("SUB_GROUP", inner),
+            );
+        }
+        text
+    }
+
     fn layout(&mut self, name: &str, record: &str) {
         self.layouts.entry(name.to_owned()).or_insert_with(|| {
             format!(
@@ -273,6 +313,22 @@ impl Writer<'_, '_> {
     }
 }
 
+/// The identifiers of variables, each of its own, by the positions of their first scalars.
+fn names<'c>(model: &Model<'_>, cells: impl Iterator<Item = &'c Cells<'c>>) -> BTreeMap<usize, String> {
+    let mut taken = BTreeSet::new();
+    cells
+        .map(|Cells { variable, .. }| {
+            let first = variable.positions[0];
+            let name = &model.scalars[first].name;
+            let name = identifier(&if variable.is_array() { without_subscripts(name) } else { name.clone() });
+            // Names of FMI may differ in other letters.
+            let numbered = (2..).map(|number| format!("{name}_{number}"));
+            let free = iter::once(name.clone()).chain(numbered).find(|name| taken.insert(name.clone()));
+            (first, free.unwrap_or(name))
+        })
+        .collect()
+}
+
 /// What parameters and measurements have in common.
 struct Common {
     name: String,
@@ -282,42 +338,6 @@ struct Common {
     lower: f64,
     upper: f64,
     link: String,
-}
-
-/// The model's components as groups.
-fn groups(model: &Model<'_>, parameters: &[Cells<'_>], measurements: &[Cells<'_>]) -> String {
-    let of = |part: usize, list: &[Cells<'_>]| {
-        let scalars =
-            list.iter().map(|cells| (cells.variable.is_array(), &model.scalars[cells.variable.positions[0]]));
-        let names = scalars.filter(|(_, scalar)| scalar.field[0] == part).map(|(is_array, scalar)| {
-            format!(
-                " {}",
-                identifier(&if is_array { without_subscripts(&scalar.name) } else { scalar.name.clone() })
-            )
-        });
-        names.collect::<String>()
-    };
-    let mut text = String::new();
-    for (position, part) in model.parts.iter().enumerate() {
-        let reference = |kind: &str, names: String| {
-            if names.is_empty() { names } else { format!("      /begin {kind}{names} /end {kind}\n") }
-        };
-        let inner: String =
-            part.components.iter().map(|&inner| format!(" {}", group_name(&model.parts[inner]))).collect();
-        let root = if part.around.is_none() { "      ROOT\n" } else { "" };
-        let _ = write!(
-            text,
-            "    /begin GROUP {} {}
-{root}{}{}{}    /end GROUP
-",
-            group_name(part),
-            quoted(part.description.as_deref().unwrap_or_default()),
-            reference("REF_CHARACTERISTIC", of(position, parameters)),
-            reference("REF_MEASUREMENT", of(position, measurements)),
-            reference("SUB_GROUP", inner),
-        );
-    }
-    text
 }
 
 fn group_name(part: &Part<'_>) -> String {
