@@ -262,7 +262,10 @@ impl Writer<'_, '_> {
             DataType::Float32 => [f32::MIN.into(), f32::MAX.into()],
             _ => range.unwrap_or([f64::MIN, f64::MAX]),
         };
-        let limit = |declared: Option<f64>, widest: f64| declared.map_or(widest, |limit| linear.apply(limit));
+        // What no unit can show is no number.
+        let limit = |declared: Option<f64>, widest: f64| {
+            linear.apply(declared.unwrap_or(widest)).clamp(f64::MIN, f64::MAX)
+        };
         let limits = [limit(scalar.quantity.min, least), limit(scalar.quantity.max, most)];
         (name, if linear.factor < 0.0 { [limits[1], limits[0]] } else { limits })
     }

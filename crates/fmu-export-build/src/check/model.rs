@@ -38,7 +38,7 @@ fn axes(model: &Model<'_>, refusals: &mut Refusals) {
         }
         if declaration.axes.len() != sizes.len() {
             let (axes, sizes) = (declaration.axes.len(), sizes.len());
-            refusals.add(key, format!("{name}: has {axes} axes for {sizes} dimensions"));
+            refusals.add(format!("{key}.axes"), format!("{name}: has {axes} axes for {sizes} dimensions"));
             continue;
         }
         for (axis, &size) in declaration.axes.iter().zip(sizes) {
@@ -55,7 +55,7 @@ fn axes(model: &Model<'_>, refusals: &mut Refusals) {
                 Some(_) => continue,
                 None => format!("there is no axis '{axis}'{}", nearest(axis, model.names.keys())),
             };
-            refusals.add(key, format!("{name}: {reason}"));
+            refusals.add(format!("{key}.axes"), format!("{name}: {reason}"));
         }
     }
 }

@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use fmu_export_build::{Generated, Interfaces, Package, generate_into};
 
 mod arrays;
+mod bare_metal;
 mod defaults;
 mod documentation;
 mod interfaces;
