@@ -9,14 +9,18 @@ use serde_json::{Value, json};
 
 /// The controller's declaration.
 const CONTROLLER: &str = "../../../modelDescription/controller.json";
-/// The firmware.
-const IMAGE: &str = "../firmware/target/thumbv7em-none-eabihf/release/ecu";
+/// The folder of the firmware, unless the environment variable `ECU_FIRMWARE` names another one.
+const FIRMWARE: &str = "../firmware/target/thumbv7em-none-eabihf/release";
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={CONTROLLER}");
-    println!("cargo::rerun-if-changed={IMAGE}");
-    println!("cargo::rustc-env=ECU_IMAGE={}", absolute(IMAGE)?.display());
-    if !Path::new(IMAGE).exists() {
+    println!("cargo::rerun-if-env-changed=ECU_FIRMWARE");
+    let firmware = absolute(env::var_os("ECU_FIRMWARE").unwrap_or_else(|| FIRMWARE.into()))?;
+    let image = firmware.join("ecu");
+    println!("cargo::rerun-if-changed={}", image.display());
+    println!("cargo::rustc-env=ECU_IMAGE={}", image.display());
+    println!("cargo::rustc-env=FUNCTIONS_IMAGE={}", firmware.join("functions").display());
+    if !image.exists() {
         println!(
             "cargo::error=there is no firmware: compile it by `cargo build --release` in examples/ecu/firmware first"
         );

@@ -169,7 +169,7 @@ impl Controller {
             frames::send(Kind::Warning, text.bytes(), |byte| self.line.send(byte));
         }
         let stopwatch = Stopwatch::start();
-        let done = self.task.sample(&mut log(self.line));
+        let done = execute_sample(&mut self.task, self.line);
         let ticks = stopwatch.ticks().into();
         let Statistics { samples, ticks: all, most } = self.statistics;
         self.statistics = Statistics { samples: samples + 1, ticks: all + ticks, most: most.max(ticks) };
@@ -200,8 +200,15 @@ impl Controller {
     pub fn send_statistics(&mut self) {
         let Statistics { samples, ticks, most } = core::mem::take(&mut self.statistics);
         let cells = [samples, ticks, most, stack::used() as u64];
+        stack::paint();
         frames::send(Kind::Statistics, frames::bytes(cells.into_iter()), |byte| self.line.send(byte));
     }
+}
+
+/// Executes a sample: what the budgets are of.
+#[inline(never)]
+fn execute_sample(task: &mut Task<ControlLaw>, line: SerialLine) -> Result<(), Error> {
+    task.sample(&mut log(line))
 }
 
 /// Sends messages over the line.

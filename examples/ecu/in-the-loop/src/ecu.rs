@@ -38,19 +38,19 @@ impl Ecu {
     /// # Errors
     /// When QEMU cannot be started.
     pub fn start() -> Result<Self, Error> {
-        Self::start_with(0, &[])
+        Self::start_with(IMAGE, 0, &[])
     }
 
-    /// Starts the processor, on which an instruction takes 2^`shift` ns, with further arguments of QEMU.
+    /// Starts the processor with an image; an instruction takes 2^`shift` ns. Further arguments are QEMU's.
     ///
     /// # Errors
     /// When QEMU cannot be started.
-    pub fn start_with(shift: u32, arguments: &[&str]) -> Result<Self, Error> {
+    pub fn start_with(content: &[u8], shift: u32, arguments: &[&str]) -> Result<Self, Error> {
         static STARTED: AtomicU32 = AtomicU32::new(0);
         let number = STARTED.fetch_add(1, Ordering::Relaxed);
         let image = env::temp_dir().join(format!("ecu-{}-{number}.elf", process::id()));
         let failed = |what: &str, error| Error::new(format_args!("{what}: {error}"));
-        fs::write(&image, IMAGE).map_err(|error| failed(&image.display().to_string(), error))?;
+        fs::write(&image, content).map_err(|error| failed(&image.display().to_string(), error))?;
         let started = Command::new("qemu-system-arm")
             .args(["-M", "mps2-an500", "-display", "none", "-monitor", "none", "-serial", "stdio"])
             .args(["-icount", &format!("shift={shift}"), "-kernel"])

@@ -3,6 +3,7 @@
 #![allow(non_snake_case)]
 
 pub mod ecu;
+pub mod image;
 
 use fmu_export::calibration;
 use fmu_export::persistence::Archive;
