@@ -2,6 +2,7 @@
 //! technical reference manual, chapter 4).
 
 use core::ptr;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::syst::SystClkSource;
@@ -69,8 +70,9 @@ impl SerialLine {
 
     /// The next byte, if one has arrived.
     pub fn receive(self) -> Option<u8> {
-        Self::INTERRUPT.write(Self::OF_RECEIVED);
+        // In this order: the line's signal rises again for a byte that arrives after it is cleared, and wakes the processor.
         NVIC::unpend(Received);
+        Self::INTERRUPT.write(Self::OF_RECEIVED);
         (Self::STATE.read() & Self::HAS_RECEIVED != 0).then(|| Self::DATA.read() as u8)
     }
 
@@ -137,6 +139,12 @@ pub struct Watchdog {
     is_running: bool,
 }
 
+/// What the memory has after a start of the watchdog, even when the board has been reset: two words that no other cause
+/// leaves there.
+#[unsafe(link_section = ".uninit")]
+static STARTED: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
+const MARKS: [u32; 2] = [0x5AFE_D006, 0x600D_F00D];
+
 impl Watchdog {
     const LOAD: Register = Register(0x4000_8000);
     const CONTROL: Register = Register(0x4000_8008);
@@ -151,10 +159,16 @@ impl Watchdog {
         Self { is_running: false }
     }
 
+    /// Whether the watchdog had been started when the board was reset.
+    pub fn has_reset() -> bool {
+        STARTED.each_ref().map(|word| word.load(Ordering::Relaxed)) == MARKS
+    }
+
     /// Starts it, for a time in s. It resets the board when it has elapsed twice.
     pub fn start(&mut self, time: f64) {
         if !self.is_running {
             self.is_running = true;
+            STARTED.iter().zip(MARKS).for_each(|(word, mark)| word.store(mark, Ordering::Relaxed));
             Self::LOCK.write(Self::KEY);
             Self::LOAD.write((0.5 * time * CLOCK) as u32);
             Self::CONTROL.write(Self::ENABLED);

@@ -157,6 +157,11 @@ impl Controller {
         self.answer(done);
     }
 
+    /// Limps home until there are measurements.
+    pub fn limp_home(&mut self) {
+        self.state = State::LimpingHome;
+    }
+
     /// Executes a sample, with a changed page if the controller takes it.
     fn execute(&mut self) -> Result<(), Error> {
         if self.state != State::Running {

@@ -3,7 +3,7 @@
 //!
 //! A frame with inputs releases a sample and gets an answer: the plant is in the loop, simulated step by step. Or a frame
 //! brings measurements, and a timer releases the samples: then the watchdog resets a firmware that misses three of them, and
-//! without measurements the engine limps home.
+//! without measurements, or after that reset until there are some, the engine limps home.
 #![no_std]
 #![no_main]
 
@@ -48,6 +48,10 @@ fn main() -> ! {
     let mut timer = Timer::new(peripherals.SYST);
     let controller = controller.insert(Controller::new(&CALIBRATION_PAGE, &MEASUREMENTS, line));
     let mut watchdog = Watchdog::new();
+    if Watchdog::has_reset() {
+        controller.limp_home();
+        start(&mut timer, &mut watchdog, controller);
+    }
     loop {
         if let Some(byte) = line.receive()
             && let Some((kind, content)) = receiver.take(byte)
@@ -59,8 +63,7 @@ fn main() -> ! {
                 Kind::Statistics => controller.send_statistics(),
                 Kind::Measurements => {
                     if controller.take_measurements(frames::cells(content)) {
-                        timer.start(controller.period());
-                        watchdog.start(3.0 * controller.period());
+                        start(&mut timer, &mut watchdog, controller);
                     }
                 }
                 _ => {}
@@ -74,8 +77,16 @@ fn main() -> ! {
     }
 }
 
-/// Ends where nothing can go on; the watchdog, if it runs, resets the board.
-fn stop() -> ! {
+/// Has the timer release samples, and the watchdog see to it.
+fn start(timer: &mut Timer, watchdog: &mut Watchdog, controller: &Controller) {
+    timer.start(controller.period());
+    watchdog.start(3.0 * controller.period());
+}
+
+/// Ends where nothing can go on; the watchdog, if it runs, resets the board. Debuggers know the name.
+#[inline(never)]
+#[unsafe(no_mangle)]
+extern "C" fn stop() -> ! {
     loop {
         cortex_m::asm::nop();
     }

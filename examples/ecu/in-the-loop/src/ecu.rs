@@ -33,12 +33,14 @@ pub struct Ecu {
 }
 
 impl Ecu {
-    /// Starts the processor, on which an instruction takes a nanosecond.
+    /// Starts the processor with the firmware; an instruction takes a nanosecond. The environment variable
+    /// `ECU_QEMU_ARGUMENTS` may have further arguments of QEMU, between spaces, such as `-gdb tcp::1234`.
     ///
     /// # Errors
     /// When QEMU cannot be started.
     pub fn start() -> Result<Self, Error> {
-        Self::start_with(IMAGE, 0, &[])
+        let arguments = env::var("ECU_QEMU_ARGUMENTS").unwrap_or_default();
+        Self::start_with(IMAGE, 0, &arguments.split_whitespace().collect::<Vec<_>>())
     }
 
     /// Starts the processor with an image; an instruction takes 2^`shift` ns. Further arguments are QEMU's.
