@@ -48,11 +48,6 @@ pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
 /// name. Any library of a model needs it.
 pub const IDENTIFIER_VARIABLE: &str = "FMU_DECLARED";
 
-/// The file of the calibration description, which the typed interface includes without an operating system.
-const A2L_FILE: &str = "model.a2l";
-/// The file of the parameters' start values.
-const START_PAGE_FILE: &str = "start.page";
-
 /// What [`generate_into`] read and wrote.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Generated {
@@ -254,12 +249,17 @@ pub fn generate_into(
     // Tests read them from any folder.
     let absolute = resources.is_some().then(|| path::absolute(&resources_folder)).transpose();
     let absolute = absolute.map_err(|error| Error::of_file(&resources_folder, error))?;
-    let variables = rust::generate(&model, &structure, &description.guid, absolute.as_deref());
-    if model.is_bare_metal {
+    let a2l = if model.is_bare_metal {
         let [parameters, measurements] = calibration::cells(&model);
-        put(A2L_FILE, Some(calibration::a2l::write(&model, &parameters, &measurements).as_bytes()))?;
-        put(START_PAGE_FILE, Some(&calibration::start_page(&model, &parameters)))?;
-    }
+        let a2l = calibration::a2l::write(&model, &parameters, &measurements);
+        put("model.a2l", Some(a2l.as_bytes()))?;
+        put("start.page", Some(&calibration::start_page(&model, &parameters)))?;
+        Some(a2l)
+    } else {
+        None
+    };
+    let variables =
+        rust::generate(&model, &structure, &description.guid, absolute.as_deref(), a2l.as_deref());
     Ok(Generated {
         model_description: write("modelDescription.xml", &description.text)?,
         variables: write("variables.rs", &variables)?,

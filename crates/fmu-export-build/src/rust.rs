@@ -29,29 +29,13 @@ use generator::{Generator, described, markdown};
 const LINTS: &str =
     "dead_code, unused_variables, nonstandard_style, clippy::all, clippy::pedantic, rustdoc::bare_urls";
 
-/// What calibration tools need of firmware.
-const CALIBRATION: &str = r#"
-/// What calibration tools need of firmware.
-pub mod calibration {
-    use ::fmu_export::calibration::{measurement_cells, parameter_cells};
-
-    /// The number of cells of the parameters.
-    pub const PARAMETERS: usize = parameter_cells::<super::Variables>();
-    /// The number of cells of the other variables.
-    pub const MEASUREMENTS: usize = measurement_cells::<super::Variables>();
-    /// The parameters' start values, as a page.
-    pub const START_PAGE: &[u8; 8 * PARAMETERS] = include_bytes!("start.page");
-    /// The A2L without addresses, of which `cargo fmu a2l` makes one with those of an image.
-    pub const A2L: &[u8] = include_bytes!("model.a2l");
-}
-"#;
-
-/// The text of `variables.rs`, with the folder of the resources.
+/// The text of `variables.rs`, with the folder of the resources, and without an operating system the A2L.
 pub(crate) fn generate(
     model: &Model<'_>,
     structure: &Structure,
     guid: &str,
     resources: Option<&Path>,
+    a2l: Option<&str>,
 ) -> String {
     let generator = Generator::new(model, structure);
     let mut text = format!(
@@ -87,10 +71,32 @@ use ::fmu_export::description as fmi;
     text += &generator.variables_impl(resources);
     text += &generator.description(guid);
     text.push_str("}\n");
-    if model.is_bare_metal {
-        text += CALIBRATION;
+    if let Some(a2l) = a2l {
+        text += &calibration(a2l);
     }
     text
+}
+
+/// What calibration tools need of firmware, with its A2L.
+fn calibration(a2l: &str) -> String {
+    format!(
+        r#"
+/// What calibration tools need of firmware.
+pub mod calibration {{
+    use ::fmu_export::calibration::{{measurement_cells, parameter_cells}};
+
+    /// The number of cells of the parameters.
+    pub const PARAMETERS: usize = parameter_cells::<super::Variables>();
+    /// The number of cells of the other variables.
+    pub const MEASUREMENTS: usize = measurement_cells::<super::Variables>();
+    /// The parameters' start values, as a page.
+    pub const START_PAGE: &[u8; 8 * PARAMETERS] = include_bytes!("start.page");
+    /// The A2L without addresses, of which `cargo fmu a2l` makes one with those of an image.
+    pub const A2L: &[u8; {}] = include_bytes!("model.a2l");
+}}
+"#,
+        a2l.len()
+    )
 }
 
 /// The macro that exports a model with these variables.

@@ -87,7 +87,8 @@ impl<const BYTES: usize> Deref for Text<BYTES> {
 impl<const BYTES: usize> fmt::Write for Text<BYTES> {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         let free = self.bytes.get_mut(self.length..).unwrap_or_default();
-        let length = text.floor_char_boundary(free.len());
+        let whole = (0..=free.len().min(text.len())).rev().find(|&length| text.is_char_boundary(length));
+        let length = whole.unwrap_or_default();
         free.iter_mut().zip(text.bytes().take(length)).for_each(|(free, byte)| *free = byte);
         self.length += length;
         // What follows must not appear without what was cut.

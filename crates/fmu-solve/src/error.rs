@@ -7,7 +7,7 @@ use core::fmt::{self, Write as _};
 type Message = String;
 /// A message without an allocator, which ends where its memory does.
 #[cfg(target_os = "none")]
-type Message = crate::display::Text<160>;
+type Message = crate::display::Text<120>;
 
 /// The error of a failed call; its message reaches the user through the importer's logger.
 #[derive(Clone, Debug, PartialEq, Eq)]

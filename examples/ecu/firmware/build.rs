@@ -3,6 +3,7 @@
 
 use std::env;
 use std::error::Error;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -23,13 +24,19 @@ fn main() -> Result<(), Box<dyn Error>> {
         for parameter in ParameterSet::read(Path::new(&file))?.fit(&description)?.parameters {
             let cell = parameters.iter().position(|known| known.name == parameter.name);
             let cell = cell.ok_or_else(|| format!("{file}: {} is no parameter", parameter.name))?;
-            let bits = match parameter.value {
-                Value::Real(number, _) => number.to_bits(),
-                Value::Integer(number) => number.cast_unsigned().into(),
-                Value::Boolean(value) => value.into(),
-                other => return Err(format!("{file}: {}: {other:?} has no cell", parameter.name).into()),
+            let items =
+                description.enumeration(&parameters[cell].declared_type).map(|known| &known.items[..]);
+            let item = |name: &str| items?.iter().find(|(known, _)| known == name).map(|(_, value)| *value);
+            let bits = match &parameter.value {
+                Value::Real(number, _) => Some(number.to_bits()),
+                Value::Integer(number) => Some(number.cast_unsigned().into()),
+                Value::Boolean(value) => Some((*value).into()),
+                Value::Enumeration(name) => item(name).map(|value| value.cast_unsigned().into()),
+                Value::String(_) => None,
             };
-            cells += &format!("({cell}, {bits}),");
+            let bits =
+                bits.ok_or_else(|| format!("{file}: {} has no cell for this value", parameter.name))?;
+            write!(cells, "({cell}, {bits}),")?;
         }
     }
     let file = Path::new(&env::var("OUT_DIR")?).join("parameters.rs");

@@ -1,4 +1,4 @@
-//! Generates the interface of the controller in the loop: that of BoostController, without what an ECU cannot do.
+//! Generates the interface of the controller in the loop: that of `BoostController`, without what an ECU cannot do.
 
 use std::env;
 use std::error::Error;

@@ -127,10 +127,12 @@ impl Stopwatch {
         Self(Self::VALUE.read())
     }
 
-    /// The ticks since the start.
-    pub fn ticks(&self) -> u32 {
+    /// Stops it. Returns the ticks since the start.
+    pub fn stop(self) -> u32 {
         // It counts down.
-        self.0.wrapping_sub(Self::VALUE.read())
+        let ticks = self.0.wrapping_sub(Self::VALUE.read());
+        Self::CONTROL.write(0);
+        ticks
     }
 }
 

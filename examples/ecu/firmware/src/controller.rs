@@ -175,7 +175,7 @@ impl Controller {
         }
         let stopwatch = Stopwatch::start();
         let done = execute_sample(&mut self.task, self.line);
-        let ticks = stopwatch.ticks().into();
+        let ticks = stopwatch.stop().into();
         let Statistics { samples, ticks: all, most } = self.statistics;
         self.statistics = Statistics { samples: samples + 1, ticks: all + ticks, most: most.max(ticks) };
         if done.is_err() {

@@ -33,7 +33,7 @@ static MEASUREMENTS: Cells<MEASURED> = Cells::new();
 /// The A2L without addresses, beside the program.
 #[used]
 #[unsafe(link_section = ".a2l")]
-static DESCRIPTION: [u8; A2L.len()] = *A2L.as_array().unwrap();
+static DESCRIPTION: [u8; A2L.len()] = *A2L;
 
 /// The longest frame that is received: a part of the page of 64 cells.
 const LONGEST_FRAME: usize = 8 * 65 + 12;
@@ -61,10 +61,8 @@ fn main() -> ! {
                 Kind::Initialize => controller.initialize(frames::cells(content)),
                 Kind::Sample => controller.sample(frames::cells(content)),
                 Kind::Statistics => controller.send_statistics(),
-                Kind::Measurements => {
-                    if controller.take_measurements(frames::cells(content)) {
-                        start(&mut timer, &mut watchdog, controller);
-                    }
+                Kind::Measurements if controller.take_measurements(frames::cells(content)) => {
+                    start(&mut timer, &mut watchdog, controller);
                 }
                 _ => {}
             }

@@ -1,4 +1,4 @@
-//! The boost pressure controller's firmware in the loop: an FMU with the variables of BoostController, whose samples the
+//! The boost pressure controller's firmware in the loop: an FMU with the variables of `BoostController`, whose samples the
 //! firmware computes on QEMU's Cortex-M7.
 #![allow(non_snake_case)]
 

@@ -4,7 +4,7 @@
 use std::env;
 use std::fmt::Arguments;
 use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 use std::process::{self, Command};
 
 use BoostControllerInTheLoop::ecu::{Ecu, IMAGE};
@@ -106,7 +106,7 @@ fn a_firmware_that_hangs_is_reset() {
 }
 
 /// Lets the processor run where nothing goes on.
-fn hang(image: &PathBuf, socket: &PathBuf) {
+fn hang(image: &Path, socket: &Path) {
     let done = Command::new("gdb-multiarch")
         .args(["-batch", "-nx", "-ex"])
         .arg(format!("target remote {}", socket.display()))
