@@ -189,3 +189,17 @@ def test_an_ecu_that_is_not_there_is_an_error(tmp_path: Path) -> None:
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 2
     assert "qemu-system-arm cannot be started" in done.stderr
+
+
+def test_the_template_computes_the_same_as_firmware(tmp_path: Path) -> None:
+    """The firmware prints its commands, each with all digits, for measurements that are half the command before."""
+    printed = [float(line) for line in (TARGET / "ecu-template/commands.txt").read_text().split()]
+    instance = Instance(Fmu(TARGET / "ecu-template/fmu/PiController.fmu", tmp_path)).start()
+    period = instance.get("sample_time")
+    commands = []
+    for number in range(10):
+        instance.set({"measurement": 0.5 * instance.get("command")})
+        instance.slave.doStep(number * period, period)
+        commands.append(instance.get("command"))
+    instance.free()
+    assert commands == printed

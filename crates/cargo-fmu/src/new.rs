@@ -77,6 +77,8 @@ enum Template {
     DriveCycle,
     /// A sampled PI controller
     Sampled,
+    /// The same as firmware, too, on a Cortex-M7
+    Ecu,
     /// Two sampled controllers, each with a clock of its own
     Cascade,
     /// A queue that another simulation steps, for co-simulation
@@ -91,13 +93,16 @@ struct Files {
     others: &'static [(&'static str, &'static str)],
 }
 
-/// The files in a template's folder.
+/// The files in a template's folder: all, or others than declaration and source alone.
 macro_rules! files {
+    (others: $folder:literal $(, $other:literal)*) => {
+        &[$(($other, include_str!(concat!("../templates/", $folder, "/", $other)))),*]
+    };
     ($folder:literal $(, $other:literal)*) => {
         Files {
             declaration: include_str!(concat!("../templates/", $folder, "/model.json")),
             source: include_str!(concat!("../templates/", $folder, "/lib.rs")),
-            others: &[$(($other, include_str!(concat!("../templates/", $folder, "/", $other))))*],
+            others: files!(others: $folder $(, $other)*),
         }
     };
 }
@@ -122,6 +127,18 @@ impl Template {
             Self::Pack => files!("pack"),
             Self::DriveCycle => files!("drive_cycle", "resources/cycle.csv"),
             Self::Sampled => files!("sampled"),
+            Self::Ecu => Files {
+                source: concat!("#![no_std]\n", include_str!("../templates/sampled/lib.rs")),
+                others: files!(
+                    others: "ecu",
+                    "firmware/.cargo/config.toml",
+                    "firmware/manifest.toml",
+                    "firmware/build.rs",
+                    "firmware/memory.x",
+                    "firmware/src/main.rs"
+                ),
+                ..Self::Sampled.files()
+            },
             Self::Cascade => files!("cascade"),
             Self::Checkout => files!("checkout", "src/queue.rs"),
         }
@@ -210,17 +227,29 @@ impl New {
         let manifest = fs::read_to_string(&manifest_file)
             .with_context(|| format!("cannot read {}", manifest_file.display()))?;
         let profile = if is_root { format!("\n{LIBRARY_PROFILE}\n{PROFILE}") } else { String::new() };
-        write("Cargo.toml", &(manifest_of(&manifest, identifier, &self.path) + &profile))?;
+        let manifest = manifest_of(&manifest, identifier, &self.path);
+        // Firmware takes the model as a crate of Rust.
+        let manifest = match self.template {
+            Template::Ecu => manifest.replace("[\"cdylib\"]", "[\"cdylib\", \"rlib\"]"),
+            _ => manifest,
+        };
+        write("Cargo.toml", &(manifest + &profile))?;
         write("build.rs", BUILD_SCRIPT)?;
         write(DECLARATION, files.declaration)?;
         write("model.schema.json", fmu_export_build::SCHEMA)?;
-        write("src/lib.rs", &files.source.replace("{Type}", &type_name(name)))?;
+        let of_model = |content: &str| {
+            let content = content.replace("{Type}", &type_name(name)).replace("{name}", name);
+            content.replace("{fmu-export}", &source_of("fmu-export", &self.path.join("firmware")))
+        };
+        write("src/lib.rs", &of_model(files.source))?;
         for (file, content) in files.others {
+            // The package of this command leaves out folders with a Cargo.toml.
+            let file = &file.replace("manifest.toml", "Cargo.toml");
             let folder = Path::new(file).parent().map(|folder| self.path.join(folder));
             if let Some(folder) = folder {
                 fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
             }
-            write(file, content)?;
+            write(file, &of_model(content))?;
         }
         let readme = include_str!("../templates/README.md")
             .replace("{name}", name)
@@ -232,11 +261,7 @@ impl New {
 /// Cargo's manifest, with the library's type and the dependencies.
 fn manifest_of(manifest: &str, identifier: &str, folder: &Path) -> String {
     let package = manifest.split("[dependencies]").next().unwrap_or_default().trim_end();
-    let source = |name: &str| match checkout() {
-        Some(crates) => format!("path = {:?}", relative(crates, folder).join(name).display().to_string()),
-        None => format!("version = {:?}", env!("CARGO_PKG_VERSION")),
-    };
-    let (runtime, build) = (source("fmu-export"), source("fmu-export-build"));
+    let (runtime, build) = (source_of("fmu-export", folder), source_of("fmu-export-build", folder));
     format!(
         "{package}\n\
          links = \"fmu-{identifier}\" # so that `cargo fmu` can generate in place of build.rs, which takes long to compile\n\n\
@@ -247,6 +272,14 @@ fn manifest_of(manifest: &str, identifier: &str, folder: &Path) -> String {
          [build-dependencies]\n\
          fmu-export-build = {{ {build} }}\n"
     )
+}
+
+/// Where a package in a folder finds one of the exporter's crates.
+fn source_of(name: &str, folder: &Path) -> String {
+    match checkout() {
+        Some(crates) => format!("path = {:?}", relative(crates, folder).join(name).display().to_string()),
+        None => format!("version = {:?}", env!("CARGO_PKG_VERSION")),
+    }
 }
 
 /// The folder of the exporter's crates, if this command was built from a checkout that still exists; new packages then

@@ -9,7 +9,7 @@ const LIMITS: [f64; 2] = [-10.0, 10.0];
 
 /// The controller's memory between samples: the integral term in V.
 #[derive(Clone, Debug, Default, Persistent)]
-struct {Type} {
+pub struct {Type} {
     integral: f64,
 }
 
