@@ -14,4 +14,5 @@ mod refusals;
 mod sampling;
 mod split_range;
 mod stages;
+mod task;
 mod transcription;

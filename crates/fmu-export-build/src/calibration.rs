@@ -54,6 +54,7 @@ pub(crate) fn start_page(model: &Model<'_>, parameters: &[Cells<'_>]) -> Vec<u8>
 }
 
 /// The bits of a scalar's start value.
+#[allow(clippy::cast_possible_truncation, reason = "a value is one of its type")]
 fn bits(scalar: &Scalar) -> u64 {
     match (&scalar.start, scalar.data_type.data_type()) {
         (Some(Start::Real(value)), DataType::Float32) => (*value as f32).to_bits().into(),

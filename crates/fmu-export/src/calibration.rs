@@ -6,6 +6,8 @@
 //! modelDescription.xml, arrays row by row. Strings, Binaries, clocks and time have no cells. An A2L file, which
 //! `cargo fmu a2l` writes, names the cells.
 
+#![allow(clippy::cast_possible_truncation, reason = "a cell begins with the bits of its scalar")]
+
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use fmu_solve::Error;
@@ -213,7 +215,8 @@ fn set<V: Variables>(
         DataType::Float32 => f32::from_bits(bits as u32).into(),
         data_type => whole(bits, data_type) as f64,
     };
-    if !value.is_finite() || !variable.accepts(value) {
+    let is_of_type = variable.data_type != DataType::Boolean || bits <= 1;
+    if !is_of_type || !value.is_finite() || !variable.accepts(value) {
         return Err(Error::new(format_args!(
             "{} for {} is not a value of it; its range is {} to {}",
             Shown(value),

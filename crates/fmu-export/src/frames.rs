@@ -76,6 +76,7 @@ pub fn bytes(cells: impl Iterator<Item = u64> + Clone) -> impl Iterator<Item = u
 }
 
 /// The cells of a frame's content; bytes that are no whole cell are left out.
+#[must_use]
 pub fn cells(content: &[u8]) -> impl ExactSizeIterator<Item = u64> + Clone + '_ {
     let (cells, _) = content.as_chunks::<CELL>();
     cells.iter().map(|cell| u64::from_le_bytes(*cell))

@@ -69,36 +69,30 @@ pub use model::variables::{Accessed, Described, Numbered, Variables};
 pub use task::Task;
 
 #[cfg(not(target_os = "none"))]
-pub use fmus::*;
-
-/// What FMUs need besides.
+#[doc(inline)]
+pub use fmu_solve::{
+    DEFAULT_TOLERANCE, Event, Events, Integration, Recorded, Tape, event_loop, integrator, integrator::Part,
+    integrator::TwoRates, search, steady_state,
+};
 #[cfg(not(target_os = "none"))]
-mod fmus {
-    pub use crate::kinds::{
-        Fmu, InputsOf, Step,
-        equations::{Equations, EvaluationOf, Multirate, VariablesOf},
-        input_signal::{InputSignal, MAX_ORDER},
-        stepper::Stepper,
-    };
-    #[doc(hidden)]
-    pub use crate::kinds::{
-        Model, Serves,
-        integrated::{Integrate, Integrated},
-        sampled::SampledModel,
-        stepper::Stepped,
-    };
-    pub use crate::trial::dependencies::check_dependencies;
-    pub use crate::trial::simulation::Simulation;
-    #[doc(hidden)]
-    pub use fmu_abi::{fmi2_calls, fmi3_calls};
-    #[doc(inline)]
-    pub use fmu_solve::{
-        DEFAULT_TOLERANCE, Event, Events, Integration, Recorded, Tape, event_loop, integrator,
-        integrator::Part, integrator::TwoRates, search, steady_state,
-    };
-    #[doc(hidden)]
-    pub use fmu_solve::{EventsLeft, Stop, Stops, time};
-}
+#[doc(hidden)]
+pub use {
+    fmu_abi::{fmi2_calls, fmi3_calls},
+    fmu_solve::{EventsLeft, Stop, Stops, time},
+    kinds::integrated::{Integrate, Integrated},
+    kinds::sampled::SampledModel,
+    kinds::stepper::Stepped,
+    kinds::{Model, Serves},
+};
+#[cfg(not(target_os = "none"))]
+pub use {
+    kinds::equations::{Equations, EvaluationOf, Multirate, VariablesOf},
+    kinds::input_signal::{InputSignal, MAX_ORDER},
+    kinds::stepper::Stepper,
+    kinds::{Fmu, InputsOf, Step},
+    trial::dependencies::check_dependencies,
+    trial::simulation::Simulation,
+};
 
 /// Defines the FMU of a crate whose library is named after the model identifier: the module `variables` that
 /// `fmu_export_build::generate` generated from the model's JSON, with its items in scope, and the FMI functions for a

@@ -17,7 +17,8 @@
 //   number                                numbers with derivatives
 //   elementary                            the functions that core lacks
 //   persistence                           the bytes of a saved state
-//   error, display
+//   error
+//   display                               numbers in messages
 //
 // Those from tables on are all there is without an operating system.
 

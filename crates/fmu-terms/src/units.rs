@@ -4,7 +4,7 @@ mod notation;
 mod symbols;
 mod table;
 
-use std::f64::consts::TAU;
+use core::f64::consts::TAU;
 
 pub use self::notation::{per_second, spelled};
 pub use self::table::UnitTable;
@@ -109,7 +109,7 @@ impl Unit {
             });
             Self { name: display.name.clone(), base, display_units: vec![] }
         });
-        std::iter::once(self.clone()).chain(shown)
+        core::iter::once(self.clone()).chain(shown)
     }
 }
 

@@ -6,7 +6,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use std::iter;
 
 use fmu_terms::{DataType, Linear, Variability};
 
@@ -190,7 +189,9 @@ impl Writer<'_, '_> {
     /// The name of the conversion of a scalar to what people see, and its limits there.
     fn conversion(&mut self, scalar: &Scalar) -> (String, [f64; 2]) {
         let verbal = |items: Vec<(i32, &str)>| -> String {
-            items.iter().map(|(value, name)| format!("      {value} {}\n", quoted(name))).collect()
+            let lines: Vec<_> =
+                items.iter().map(|(value, name)| format!("      {value} {}\n", quoted(name))).collect();
+            lines.concat()
         };
         let (table, items, limits) = match scalar.data_type {
             ValueType::Enumeration(position) => {
@@ -249,13 +250,12 @@ impl Writer<'_, '_> {
             )
         };
         // Units such as Pa/% and Pa.% have the same letters, and differences of a unit with an offset have none.
-        let name =
-            (1..)
-                .map(|number| {
-                    if number == 1 { format!("{kind}.{suffix}") } else { format!("{kind}.{suffix}_{number}") }
-                })
-                .find(|name| self.conversions.get(name).is_none_or(|known| *known == text(name)))
-                .unwrap_or_default();
+        let is_taken = |name: &String| self.conversions.get(name).is_some_and(|known| *known != text(name));
+        let (mut name, mut number) = (format!("{kind}.{suffix}"), 1);
+        while is_taken(&name) {
+            number += 1;
+            name = format!("{kind}.{suffix}_{number}");
+        }
         self.conversions.entry(name.clone()).or_insert_with(|| text(&name));
         let range = scalar.data_type.integer().map(|(_, range)| [*range.start() as f64, *range.end() as f64]);
         let [least, most] = match scalar.data_type.data_type() {
@@ -276,18 +276,15 @@ impl Writer<'_, '_> {
         let of = |part: usize, list: &[Cells<'_>]| {
             let firsts = list.iter().map(|cells| cells.variable.positions[0]);
             let own = firsts.filter(|&first| model.scalars[first].field[0] == part);
-            own.map(|first| format!(" {}", self.names[&first])).collect::<String>()
+            own.map(|first| format!(" {}", self.names[&first])).collect::<Vec<_>>().concat()
         };
         let mut text = String::new();
         for (position, part) in model.parts.iter().enumerate() {
             let reference = |kind: &str, names: String| {
                 if names.is_empty() { names } else { format!("      /begin {kind}{names} /end {kind}\n") }
             };
-            let inner: String = part
-                .components
-                .iter()
-                .map(|&inner| format!(" {}", group_name(&model.parts[inner])))
-                .collect();
+            let inner = part.components.iter().map(|&inner| format!(" {}", group_name(&model.parts[inner])));
+            let inner = inner.collect::<Vec<_>>().concat();
             let root = if part.around.is_none() { "      ROOT\n" } else { "" };
             let _ = write!(
                 text,
@@ -325,9 +322,12 @@ fn names<'c>(model: &Model<'_>, cells: impl Iterator<Item = &'c Cells<'c>>) -> B
             let name = &model.scalars[first].name;
             let name = identifier(&if variable.is_array() { without_subscripts(name) } else { name.clone() });
             // Names of FMI may differ in other letters.
-            let numbered = (2..).map(|number| format!("{name}_{number}"));
-            let free = iter::once(name.clone()).chain(numbered).find(|name| taken.insert(name.clone()));
-            (first, free.unwrap_or(name))
+            let (mut free, mut number) = (name.clone(), 1);
+            while !taken.insert(free.clone()) {
+                number += 1;
+                free = format!("{name}_{number}");
+            }
+            (first, free)
         })
         .collect()
 }

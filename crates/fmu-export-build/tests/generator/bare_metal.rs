@@ -157,7 +157,7 @@ fn cells_follow_each_other_and_have_the_start_values() {
     assert_eq!(i32::from_le_bytes(cells[1][..4].try_into().unwrap()), -1);
     assert_eq!(cells[2], [1, 0, 0, 0, 0, 0, 0, 0]);
     let reals = [3, 4, 5, 28, 29, 30, 31, 81].map(|cell: usize| f64::from_le_bytes(cells[cell]));
-    assert_eq!(reals, [293.15, 5.0, 2.0, 2.0, 1.0, 2.0, 1.0, 0.5]);
+    assert_eq!(reals.map(f64::to_bits), [293.15, 5.0, 2.0, 2.0, 1.0, 2.0, 1.0, 0.5].map(f64::to_bits));
 }
 
 /// There is no heap, and no function of the standard.

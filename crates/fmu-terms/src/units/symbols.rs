@@ -40,7 +40,7 @@ pub(super) type Exponents = [f64; 8];
 
 const DIMENSIONLESS: Exponents = [0.0; 8];
 const ANGLE: Exponents = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-const PI: f64 = std::f64::consts::PI;
+const PI: f64 = core::f64::consts::PI;
 
 /// A symbol, its prefixes, exponents of the base units, and its factor's numerator, denominator and power of ten, kept
 /// apart so that a product of units is rounded only once.
