@@ -35,8 +35,7 @@ const REASONS: [(&str, &str); 5] = [
 fn main() -> Result<ExitCode, Box<dyn Error>> {
     let image = Image::read(IMAGE)?;
     println!("| budget | value |\n|---|---|");
-    for (day, ambient) in [("reference day", [101_325.0, 298.15]), ("day of 85 kPa, 40 °C", [85e3, 313.15])]
-    {
+    for (day, ambient) in [("reference day", [0.0; 2]), ("day of 85 kPa, 40 °C", [85e3, 313.15])] {
         let Drive { instructions, most, stack } = drive(ambient)?;
         println!("| instructions of a sample, {day} | {instructions:.0} on average, {most:.0} at most |");
         let share = 100.0 * most * 80.0 / CLOCK;
@@ -81,7 +80,8 @@ struct Drive {
     stack: u64,
 }
 
-/// Drives the firmware with measurements that jump and drift at random, at an ambient pressure (Pa) and temperature (K).
+/// Drives the firmware with measurements that jump and drift at random, at an ambient pressure (Pa) and temperature (K);
+/// 0 is no measurement, with which the controller works as on the reference day.
 fn drive([pressure, temperature]: [f64; 2]) -> Result<Drive, Box<dyn Error>> {
     let mut ecu = Ecu::start_with(IMAGE, SHIFT, &[])?;
     let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
