@@ -190,21 +190,21 @@ mod tests {
         assert_eq!(found(&frames.concat()), expected);
         // Knuth's MMIX generator (The Art of Computer Programming, volume 2, section 3.3.4).
         let mut random = 1_u64;
-        let mut below = |most: usize| {
+        let mut below = |most: u8| {
             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (random >> 33) as usize % most
+            (random >> 56) as u8 % most
         };
         for _ in 0..2_000 {
-            let mut broken = frames[below(4)].clone();
-            let position = below(broken.len());
+            let mut broken = frames[usize::from(below(4))].clone();
+            let position = usize::from(below(64)) % broken.len();
             match below(3) {
                 0 => drop(broken.remove(position)),
-                1 => broken.insert(position, below(256) as u8),
+                1 => broken.insert(position, below(255)),
                 _ => broken[position] ^= 1 << below(8),
             }
             // What may still belong to the broken frame.
             broken.extend([0; 64]);
-            let sent = frames[below(4)].clone();
+            let sent = frames[usize::from(below(4))].clone();
             let received = found(&[broken.clone(), sent.clone()].concat());
             assert!(received.len() <= 2 && received.last() == found(&sent).first(), "{broken:?}");
         }

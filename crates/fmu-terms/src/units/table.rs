@@ -115,7 +115,7 @@ fn offset_of(name: &str) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::PI;
+    use core::f64::consts::PI;
 
     use super::*;
 

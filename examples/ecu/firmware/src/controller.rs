@@ -32,10 +32,6 @@ const fn reference_page() -> [u64; PARAMETERS] {
     page
 }
 
-/// The samples without new measurements after which the engine limps home: a tenth of a second at 80 Hz, in which the
-/// throttle's air fills the manifold once.
-const MOST_MISSING: u32 = 8;
-
 /// The bytes of the results, at most: eight for each measurement.
 const MOST_RESULTS: usize = 8 * MEASUREMENTS;
 
@@ -132,18 +128,17 @@ impl Controller {
             }
             return false;
         }
-        self.task = Task::default();
-        self.follower = Follower::new();
-        let done = self.start(inputs);
         self.missing = 0;
-        self.answer(done);
+        self.initialize(inputs);
         self.state == State::Running
     }
 
     /// Executes a sample with the latest measurements, or limps home without.
     pub fn release(&mut self) {
         self.missing = self.missing.saturating_add(1);
-        if self.missing > MOST_MISSING {
+        // As long as a measurement must be implausible to count as a fault.
+        let most = self.task.variables.parameters.diagnosis.confirmation_time;
+        if f64::from(self.missing) * self.period() > most {
             self.state = State::LimpingHome;
         }
         let done = if self.state == State::Running { self.execute() } else { Ok(()) };
