@@ -192,7 +192,7 @@ def test_an_ecu_that_is_not_there_is_an_error(tmp_path: Path) -> None:
 
 
 def test_the_template_computes_the_same_as_firmware(tmp_path: Path) -> None:
-    """The firmware prints its commands, each with all digits, for measurements that are half the command before."""
+    """The firmware prints its commands with all digits; each measurement is half the command before."""
     printed = [float(line) for line in (TARGET / "ecu-template/commands.txt").read_text().split()]
     instance = Instance(Fmu(TARGET / "ecu-template/fmu/PiController.fmu", tmp_path)).start()
     period = instance.get("sample_time")

@@ -77,7 +77,7 @@ pub trait Sampled: Clone + Default + Persistent + Send + Sync + 'static {
     }
 
     /// Executes a sample: reads the inputs, which are within their bounds, and sets outputs and locals. If the model
-    /// has clocks, exactly one input clock [ticks](Clock::ticks); simultaneous ticks are one call each, ordered by
+    /// has clocks, exactly one input clock [ticks](crate::Clock::ticks); simultaneous ticks are one call each, ordered by
     /// `priority`.
     ///
     /// # Errors
