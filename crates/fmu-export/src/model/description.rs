@@ -172,9 +172,11 @@ impl fmt::Display for Name {
         formatter.write_str(array)?;
         let mut inner = description.elements as usize;
         for (position, size) in dimensions.iter().enumerate() {
-            inner /= size;
+            // No size is 0. Firmware must not panic, and the compiler cannot know that.
+            inner = inner.checked_div(*size).unwrap_or(1);
+            let index = element.checked_div(inner).and_then(|index| index.checked_rem(*size)).unwrap_or(0);
             let separator = if position == 0 { '[' } else { ',' };
-            write!(formatter, "{separator}{}", element / inner % size + 1)?;
+            write!(formatter, "{separator}{}", index + 1)?;
         }
         write!(formatter, "]{rest}")
     }
