@@ -266,14 +266,11 @@ pub fn check<'a, const COLUMNS: usize>(
 }
 
 fn refuse_not_increasing(component: &str, name: &str, axis: &[f64]) -> Result<(), Error> {
-    match axis.windows(2).position(|pair| pair[0] >= pair[1]) {
-        None => Ok(()),
-        Some(below) => Err(Error::new(format_args!(
-            "{component}.{name}[{}] is {} and {component}.{name}[{}] is {}, but the grid must increase",
-            below + 1,
-            axis[below],
-            below + 2,
-            axis[below + 1]
-        ))),
-    }
+    let mut pairs = (1..).zip(axis.iter().zip(axis.iter().skip(1)));
+    pairs.find(|(_, (below, above))| below >= above).map_or(Ok(()), |(number, (below, above))| {
+        Err(Error::new(format_args!(
+            "{component}.{name}[{number}] is {below} and {component}.{name}[{}] is {above}, but the grid must increase",
+            number + 1
+        )))
+    })
 }
