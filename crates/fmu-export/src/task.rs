@@ -5,7 +5,7 @@ use fmu_solve::Error;
 use crate::calibration;
 use crate::model::context::{Context, Experiment, Log};
 use crate::model::inputs::{Inputs as _, bound};
-use crate::model::sampled::{Sample, Sampled};
+use crate::model::sampled::{Sampled, Samples, check_parameters};
 use crate::model::variables::{Accessed as _, Described as _, Numbered as _};
 
 /// A sampled model with its variables, which computes when it is told to: firmware calls [`Task::sample`] once per
@@ -27,12 +27,8 @@ pub struct Task<S: Sampled> {
     sampled: S,
     /// The variables: the inputs of the next sample, the outputs of the last one.
     pub variables: S::Variables,
-    /// The number of the next sample.
-    number: u64,
-    /// The time of the next sample, in s after the start.
-    time: f64,
-    /// The number and the time (s) of the first sample with the present period, and the period (s).
-    since: (u64, f64, f64),
+    /// None before initialization, and after a failed sample.
+    samples: Option<Samples>,
 }
 
 impl<S: Sampled> Task<S> {
@@ -47,34 +43,37 @@ impl<S: Sampled> Task<S> {
                 "a `Task` has one period: omit the clocks, variables of the type Clock, in the model's JSON"
             );
         }
-        S::check_parameters(&self.variables)?;
-        let period = S::period(&self.variables);
-        if !(period > 0.0 && period.is_finite()) {
-            return Err(Error::new(format_args!(
-                "the sample period is {period} s; it must be finite and above 0"
-            )));
-        }
-        (self.sampled, self.number, self.time, self.since) = (S::default(), 0, 0.0, (0, 0.0, period));
+        (self.sampled, self.samples) = (S::default(), None);
+        check_parameters::<S>(&self.variables)?;
         self.bound_inputs();
         self.calculate_parameters();
         self.sampled.initialize(&mut self.variables, &mut Context::new(Experiment::default(), log))?;
         self.sampled.refresh(0.0, &mut self.variables);
+        self.samples = Some(Samples::new(0.0, S::period(&self.variables)));
         Ok(())
+    }
+
+    /// Whether the task can execute samples.
+    #[must_use]
+    pub fn is_initialized(&self) -> bool {
+        self.samples.is_some()
     }
 
     /// Executes the next sample, with the inputs within their bounds.
     ///
     /// # Errors
-    /// When the model cannot continue. It must then be [initialized](Task::initialize).
+    /// When the task is not [initialized](Task::initialize), or when the model cannot continue; it must then be initialized
+    /// anew.
     pub fn sample(&mut self, log: &mut dyn Log) -> Result<(), Error> {
+        let mut samples =
+            self.samples.take().ok_or_else(|| Error::new("the task is not initialized, or has failed"))?;
         self.bound_inputs();
-        let sample = Sample { number: self.number, time: self.time };
+        let sample = samples.next();
         let mut context = Context::new(Experiment::default(), log);
         context.at(sample.time);
         self.sampled.sample(sample, &mut self.variables, &mut context)?;
-        self.number += 1;
-        let (first, origin, period) = self.since;
-        self.time = origin + (self.number - first) as f64 * period;
+        samples.executed += 1;
+        self.samples = Some(samples);
         Ok(())
     }
 
@@ -82,25 +81,20 @@ impl<S: Sampled> Task<S> {
     /// those that are tunable.
     ///
     /// # Errors
-    /// The first parameter that has not a value of its type and range, or that is fixed and differs after initialization,
-    /// or what the model has against them. The parameters are then those of before.
+    /// When the page has another length, the first parameter that has not a value of its type and range, or that is fixed
+    /// and differs after initialization, or what the model has against them. The parameters are then those of before.
     pub fn take_page(&mut self, page: &[u64]) -> Result<(), Error> {
-        let is_initialized = self.since.2 > 0.0;
         let mut variables = self.variables.clone();
-        calibration::take_page(&mut variables, page, is_initialized)?;
-        S::check_parameters(&variables)?;
+        calibration::take_page(&mut variables, page, self.is_initialized())?;
+        check_parameters::<S>(&variables)?;
         self.variables = variables;
-        if is_initialized {
+        if let Some(mut samples) = self.samples {
             self.calculate_parameters();
-            self.sampled.refresh(self.time, &mut self.variables);
-            let (first, origin, before) = self.since;
-            let period = S::period(&self.variables);
-            if period.to_bits() != before.to_bits() && self.number > first {
-                // The next sample is a new period after the last one.
-                let last = origin + (self.number - 1 - first) as f64 * before;
-                self.time = last + period;
-                self.since = (self.number, self.time, period);
-            }
+            let next = samples.next().time;
+            self.sampled.refresh(next, &mut self.variables);
+            // The last sample is the present: there is no time between samples.
+            samples.take_period(S::period(&self.variables), next - samples.period);
+            self.samples = Some(samples);
         }
         Ok(())
     }

@@ -11,11 +11,11 @@
 //   integrator, stops                     the integrator, and where a communication step stops
 //   search                                the first event in a step of the integrator
 //   events                                when and why a model has an event
-//   time                                  when two times are the same
 //   chosen                                constants by experiment
 //   table, space                          tables for equations, and vectors and rotations
 //   number                                numbers with derivatives
 //   elementary                            the functions that core lacks
+//   time                                  when two times are the same
 //   persistence                           the bytes of a saved state
 //   error
 //   display                               numbers in messages
@@ -49,7 +49,6 @@ mod stops;
 pub mod table;
 #[cfg(not(target_os = "none"))]
 mod tape;
-#[cfg(not(target_os = "none"))]
 pub mod time;
 
 pub use error::Error;

@@ -6,7 +6,6 @@
 //! to the step that starts there; `time.rs` knows which times are the same.
 
 use fmu_solve::display::Shown;
-use fmu_solve::time::{nearer, rounding};
 use fmu_solve::{Error, Event, Events, Stop, Stops, due_until};
 
 use crate::kinds::audit::check_calculated_parameters;
@@ -14,7 +13,7 @@ use crate::kinds::{Fmu, InputsOf, Model, Serves, Step, calculate_parameters};
 use crate::model::clock::Clock;
 use crate::model::context::Context;
 use crate::model::description::Version;
-use crate::model::sampled::{Sample, Sampled};
+use crate::model::sampled::{Sample, Sampled, Samples, check_parameters, same_time};
 use crate::model::variables::{Accessed as _, Described as _, Numbered};
 
 /// The most samples in one step, which must end: a day at 100 Hz has 8.64 million.
@@ -25,17 +24,11 @@ const MOST_SAMPLES: f64 = 1e7;
 pub struct SampledModel<S> {
     /// The sampled model.
     pub sampled: S,
-    /// How many samples of the period were executed.
-    executed: u64,
-    /// The time in s of the first sample with the present period, which is the start with the first one.
-    origin: f64,
-    /// The number of the first sample with the present period.
-    first: u64,
-    /// The present period in s.
-    period: f64,
+    /// Those of the period; clocks count their own.
+    samples: Samples,
 }
 
-crate::persistent!(<S: Sampled> SampledModel<S> { sampled, executed, origin, first, period });
+crate::persistent!(<S: Sampled> SampledModel<S> { sampled, samples });
 
 impl<S: Sampled> Fmu for SampledModel<S> {
     type Model = Self;
@@ -56,7 +49,7 @@ struct Due {
 impl Due {
     /// How much earlier another sample may be, in s, to be at the same time.
     fn rounding(&self) -> f64 {
-        nearer(rounding(self.time.abs().max(self.origin.abs())), self.period)
+        same_time(self.time, self.origin, self.period)
     }
 
     /// The sample at the time of the one before, `last`, if that is the same.
@@ -91,29 +84,16 @@ impl<S: Sampled> SampledModel<S> {
 
     /// The next sample of the period.
     fn next_of_period(&self) -> Due {
-        let Self { executed, origin, first, period, .. } = *self;
-        Due { time: origin + (executed - first) as f64 * period, period, origin, clock: None }
+        let Samples { origin, period, .. } = self.samples;
+        Due { time: self.samples.next().time, period, origin, clock: None }
     }
 
     /// Takes the period, which may have changed by a time in s.
     #[inline]
     fn retime(&mut self, variables: &S::Variables, now: f64) {
-        if !S::Variables::HAS_CLOCKS && S::period(variables).to_bits() != self.period.to_bits() {
-            self.take_period(S::period(variables), now);
+        if !S::Variables::HAS_CLOCKS && S::period(variables).to_bits() != self.samples.period.to_bits() {
+            self.samples.take_period(S::period(variables), now);
         }
-    }
-
-    #[cold]
-    fn take_period(&mut self, period: f64, now: f64) {
-        let due = self.next_of_period();
-        // One that is not valid is refused before the next step. A sample that is due now comes first.
-        if !is_valid(period) || self.executed > 0 && due.time <= now + due.rounding() {
-            return;
-        }
-        if self.executed > 0 {
-            (self.origin, self.first) = ((due.time - due.period + period).max(now), self.executed);
-        }
-        self.period = period;
     }
 
     /// The next sample. Of clocks that tick at once, the first is that with the highest priority, and the time that of the
@@ -125,10 +105,10 @@ impl<S: Sampled> SampledModel<S> {
         let period = Self::period(variables);
         let ticks = || {
             let clocks = Self::uniform_clocks(variables);
-            clocks.filter_map(|(position, clock)| Some((position, clock.next(self.origin)?)))
+            clocks.filter_map(|(position, clock)| Some((position, clock.next(self.samples.origin)?)))
         };
         let time = ticks().map(|(_, time)| time).fold(f64::INFINITY, f64::min);
-        let due = Due { time, period, origin: self.origin, clock: None };
+        let due = Due { time, period, origin: self.samples.origin, clock: None };
         let latest = time + due.rounding();
         let (position, _) = ticks().find(|(_, time)| *time <= latest)?;
         Some(Due { clock: Some(position), ..due })
@@ -143,8 +123,8 @@ impl<S: Sampled> SampledModel<S> {
     ) -> Result<(), Error> {
         context.at(time);
         let Some(position) = clock else {
-            let sample = Sample { number: self.executed, time };
-            self.executed += 1;
+            let sample = Sample { number: self.samples.executed, time };
+            self.samples.executed += 1;
             return self.sampled.sample(sample, variables, context);
         };
         let set = |variables: &mut S::Variables, ticks| {
@@ -181,15 +161,7 @@ impl<S: Sampled> Model for SampledModel<S> {
     const TAKES_PARAMETERS: bool = S::Variables::HAS_CALCULATED_PARAMETERS;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
-        S::check_parameters(variables)?;
-        let period = S::period(variables);
-        let (is_right, rule) = if S::Variables::HAS_CLOCKS {
-            (period.is_nan(), "the clocks in the JSON have intervals of their own: omit `period`")
-        } else {
-            (is_valid(period), "it must be finite and above 0")
-        };
-        let reason = || Error::new(format!("the sample period is {} s; {rule}", Shown(period)));
-        if is_right { Ok(()) } else { Err(reason()) }
+        check_parameters::<S>(variables)
     }
 
     fn initialize(
@@ -198,7 +170,7 @@ impl<S: Sampled> Model for SampledModel<S> {
         context: &mut Context<'_>,
     ) -> Result<(), Error> {
         let (origin, period) = (context.experiment.start_time, S::period(variables));
-        *self = Self { origin, period, ..Self::default() };
+        *self = Self { samples: Samples::new(origin, period), ..Self::default() };
         // The clock of the period, in Scheduled Execution only.
         if !S::Variables::HAS_CLOCKS
             && let Some(clock) = variables.clock_mut(0)
@@ -336,11 +308,6 @@ impl<S: Sampled> Model for SampledModel<S> {
         }
         Ok(None)
     }
-}
-
-/// Whether a sample period in s is possible.
-fn is_valid(period: f64) -> bool {
-    period > 0.0 && period.is_finite()
 }
 
 /// Rejects a step until a time in s that has too many samples, of which this is the first.

@@ -1,7 +1,7 @@
 //! Instants: the zeros, ticks and samples of models are as many as there are, and when they are, however an importer
 //! computes its communication points and however late they are.
 
-use fmu_export::{Integrated, Model, SampledModel, Simulation};
+use fmu_export::{Integrated, Model, SampledModel, Simulation, Task, calibration};
 use fmu_export_equations::{
     Alarms, Alarms3, ReadingTicks, ReadingTicks3, TickSamples, TickSamples3, Ticks, Ticks3, Waves, Waves3,
 };
@@ -356,6 +356,43 @@ fn a_period_that_is_lost_in_the_rounding_of_the_start_is_refused() {
             format!("the sample period is 1 s, which is lost in the rounding of the start time {shown} s")
         );
     }
+}
+
+/// However often the period of a task changes between two samples, the next one is the present period after the last one.
+/// Periods are powers of 2, so that times have no rounding.
+#[test]
+#[allow(clippy::float_cmp, reason = "as computed without rounding")]
+fn the_samples_of_a_task_follow_all_changes_of_the_period() {
+    let mut log = |_: &'static str, _: core::fmt::Arguments<'_>| {};
+    let mut task = Task::<TickSamples>::default();
+    let mut page: Vec<_> = calibration::page(&task.variables).collect();
+    let before = page.clone();
+    task.variables.parameters.period = 0.125;
+    let cell =
+        calibration::page(&task.variables).zip(&before).position(|(one, other)| one != *other).unwrap();
+    page[cell] = 0.125_f64.to_bits();
+    task.initialize(&mut log).unwrap();
+    let mut random = Pcg64Mcg::new(5);
+    let mut below = |most: u32| random.next_u32() % most;
+    let (mut last, mut period) = (None, 0.125);
+    for number in 0..10_000 {
+        for _ in 0..below(4) {
+            period = 0.5_f64.powi(below(6).cast_signed());
+            page[cell] = period.to_bits();
+            task.take_page(&page).unwrap();
+        }
+        let expected = last.map_or(0.0, |last: f64| last + period);
+        task.sample(&mut log).unwrap();
+        assert_eq!(task.variables.outputs.last, expected, "{number}");
+        last = Some(expected);
+    }
+    // What is no period is refused, and changes nothing.
+    for wrong in [0.0, -1.0, f64::NAN] {
+        page[cell] = f64::to_bits(wrong);
+        assert!(task.take_page(&page).is_err());
+    }
+    task.sample(&mut log).unwrap();
+    assert_eq!(task.variables.outputs.last, last.unwrap() + period);
 }
 
 /// When the ticks of a period come that changes (s): a new period after the last one, or at once if that has passed.
