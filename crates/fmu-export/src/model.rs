@@ -4,6 +4,8 @@
 pub mod clock;
 pub mod context;
 pub mod description;
+#[cfg(not(target_os = "none"))]
+mod files;
 pub mod inputs;
 #[cfg(not(target_os = "none"))]
 pub(crate) mod resources;
