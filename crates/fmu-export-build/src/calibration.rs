@@ -3,13 +3,10 @@
 
 pub(crate) mod a2l;
 
-use fmu_terms::{Causality, DataType};
+use fmu_terms::{CELL, Causality, DataType, has_cell};
 
 use crate::model::{Model, Scalar, Variable};
 use crate::start::Start;
-
-/// The bytes of a cell.
-const CELL: usize = 8;
 
 /// A variable with the number of its first cell.
 pub(crate) struct Cells<'m> {
@@ -32,9 +29,7 @@ pub(crate) fn cells<'m>(model: &'m Model<'_>) -> [Vec<Cells<'m>>; 2] {
     let mut counts = [0; 2];
     for variable in variables {
         let scalar = &model.scalars[variable.positions[0]];
-        let has_none = matches!(scalar.causality, Causality::Independent | Causality::StructuralParameter)
-            || matches!(scalar.data_type.data_type(), DataType::String | DataType::Binary | DataType::Clock);
-        if has_none {
+        if !has_cell(scalar.causality, scalar.data_type.data_type()) {
             continue;
         }
         let is_parameter = scalar.causality == Causality::Parameter;

@@ -11,13 +11,13 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use fmu_solve::Error;
-use fmu_solve::display::Shown;
+pub use fmu_terms::CELL;
+use fmu_terms::has_cell;
 
-use crate::model::description::{Causality, DataType, ScalarVariable, ValueReference, Variability};
+use crate::model::description::{
+    Causality, DataType, Refused, ScalarVariable, ValueReference, Variability, VariableDescription,
+};
 use crate::model::variables::{Described, Variables};
-
-/// The bytes of a cell.
-pub const CELL: usize = 8;
 
 /// The number of cells of a model's parameters: the length of a page.
 #[must_use]
@@ -35,29 +35,23 @@ const fn count<V: Described>(parameters: bool) -> usize {
     let variables = V::DESCRIPTION.variables;
     let (mut cells, mut position) = (0, 0);
     while position < variables.len() {
-        let variable = &variables[position];
-        if has_cell(variable.causality, variable.data_type)
-            && matches!(variable.causality, Causality::Parameter) == parameters
-        {
-            cells += variable.elements as usize;
+        if is_among(&variables[position], parameters) {
+            cells += variables[position].elements as usize;
         }
         position += 1;
     }
     cells
 }
 
-/// Whether scalars of a causality and a type have cells.
-const fn has_cell(causality: Causality, data_type: DataType) -> bool {
-    !matches!(causality, Causality::Independent | Causality::StructuralParameter)
-        && !matches!(data_type, DataType::String | DataType::Binary | DataType::Clock)
+/// Whether a variable has cells among the parameters, or among the others.
+const fn is_among(variable: &VariableDescription, parameters: bool) -> bool {
+    has_cell(variable.causality, variable.data_type)
+        && matches!(variable.causality, Causality::Parameter) == parameters
 }
 
 /// The scalars with cells, in their order: parameters, or the others.
 fn scalars<V: Described>(parameters: bool) -> impl Iterator<Item = (ValueReference, ScalarVariable)> + Clone {
-    V::described().filter(move |(_, variable)| {
-        has_cell(variable.causality, variable.data_type)
-            && (variable.causality == Causality::Parameter) == parameters
-    })
+    V::described().filter(move |(_, variable)| is_among(variable, parameters))
 }
 
 /// Cells in memory that a calibration tool reads or writes at any time, by the debugger or a driver. For a `static` with
@@ -130,9 +124,13 @@ pub fn measurements<V: Variables>(variables: &V) -> impl Iterator<Item = u64> + 
 /// Takes the parameters of a page; `tunable` leaves the fixed ones as they are.
 ///
 /// # Errors
-/// The first parameter that has not a value of its type and range, or is fixed and has another value in the page. The
-/// parameters are then partly those of the page.
+/// When the page has another length, or the first parameter that has not a value of its type and range, or is fixed and has
+/// another value in the page. The parameters are then partly those of the page.
 pub(crate) fn take_page<V: Variables>(variables: &mut V, page: &[u64], tunable: bool) -> Result<(), Error> {
+    let (length, cells) = (page.len(), parameter_cells::<V>());
+    if length != cells {
+        return Err(Error::new(format_args!("a page of {length} cells for {cells} cells of parameters")));
+    }
     for (&cell, (reference, variable)) in page.iter().zip(scalars::<V>(true)) {
         if cell_of(variables, reference, variable.data_type) == significant(cell, variable.data_type) {
             continue;
@@ -215,15 +213,12 @@ fn set<V: Variables>(
         DataType::Float32 => f32::from_bits(bits as u32).into(),
         data_type => whole(bits, data_type) as f64,
     };
-    let is_of_type = variable.data_type != DataType::Boolean || bits <= 1;
-    if !is_of_type || !value.is_finite() || !variable.accepts(value) {
-        return Err(Error::new(format_args!(
-            "{} for {} is not a value of it; its range is {} to {}",
-            Shown(value),
-            variable.name(),
-            Shown(variable.min),
-            Shown(variable.max)
-        )));
+    if variable.data_type == DataType::Boolean && bits > 1 {
+        let name = variable.name();
+        return Err(Error::new(format_args!("{bits} for the variable {name} is neither 0 nor 1")));
+    }
+    if !value.is_finite() || !variable.accepts(value) {
+        return Err(Error::new(Refused { variable, value }));
     }
     put(variables, reference, variable.data_type, bits);
     Ok(())

@@ -2,6 +2,7 @@
 #![cfg_attr(target_os = "none", no_std)]
 #![warn(clippy::std_instead_of_core)]
 
+mod cells;
 mod identifier;
 mod interfaces;
 #[cfg(feature = "units")]
@@ -14,6 +15,7 @@ mod units;
 mod variables;
 mod words;
 
+pub use cells::{CELL, has_cell};
 pub use identifier::{is_identifier, is_reserved_by_windows};
 pub use interfaces::{INTERFACES_VARIABLE, InstanceType, Interface, Interfaces, VERSION_VARIABLE, Version};
 #[cfg(feature = "units")]

@@ -12,7 +12,7 @@ use crate::allocation::check_memory;
 use crate::kinds::Model;
 use crate::kinds::input_signal::MAX_ORDER;
 use crate::model::description::{
-    Causality, DataType, Initial, ScalarVariable, ValueReference, Variability, VariableDescription,
+    Causality, DataType, Initial, Refused, ScalarVariable, ValueReference, Variability, VariableDescription,
 };
 use crate::model::variables::{Accessed as _, Described as _};
 
@@ -99,42 +99,25 @@ impl<M: Model> Instance<M> {
     #[cold]
     fn set_error(&self, reference: ValueReference, value: f64, settable: bool) -> Error {
         let variable = Self::checked(reference);
-        Error::new(if !settable {
-            format!(
+        if !settable {
+            return Error::new(format_args!(
                 "{} ({}, {}) cannot be set in the state {}",
                 variable.name(),
                 variable.causality,
                 variable.variability,
                 self.memory.phase
-            )
-        } else if !value.is_finite() {
-            format!("{} for the variable {}", Shown(value), variable.name())
-        } else if variable.causality == Causality::StructuralParameter {
-            format!(
+            ));
+        }
+        if value.is_finite() && variable.causality == Causality::StructuralParameter {
+            return Error::new(format_args!(
                 "{} for the size {}, fixed at {} when this FMU was built, since the elements of larger arrays would have \
                  the references of other variables: export the model with another start value",
                 Shown(value),
                 variable.name(),
                 Shown(variable.min)
-            )
-        } else if !variable.items.is_empty() {
-            let items: Vec<_> =
-                variable.items.iter().map(|(item, name)| format!("{item} ({name})")).collect();
-            format!(
-                "{} for the variable {} is not one of its items {}",
-                Shown(value),
-                variable.name(),
-                items.join(", ")
-            )
-        } else {
-            format!(
-                "{} for the variable {} is outside its range {} to {}",
-                Shown(value),
-                variable.name(),
-                Shown(variable.min),
-                Shown(variable.max)
-            )
-        })
+            ));
+        }
+        Error::new(Refused { variable, value })
     }
 
     /// Reports that an input is clamped to a bound. If the importer may be trying values, in Continuous-Time Mode and

@@ -4,6 +4,8 @@
 use core::fmt::{self, Write as _};
 use core::ops::Deref;
 
+use fmu_solve::display::Shown;
+
 pub use fmu_abi::ValueReference;
 pub use fmu_terms::{Causality, DataType, Initial, Interfaces, IntervalVariability, Variability, Version};
 
@@ -144,6 +146,31 @@ impl ScalarVariable {
     #[inline]
     pub fn state(self) -> Option<usize> {
         self.description.first_state.map(|first| first + self.element)
+    }
+}
+
+/// Why a variable does not accept a number.
+pub(crate) struct Refused {
+    pub(crate) variable: ScalarVariable,
+    pub(crate) value: f64,
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { variable, value } = self;
+        let (name, shown) = (variable.name(), Shown(*value));
+        if !value.is_finite() {
+            return write!(formatter, "{shown} for the variable {name}");
+        }
+        if let [(first, first_name), others @ ..] = variable.items {
+            write!(
+                formatter,
+                "{shown} for the variable {name} is not one of its items {first} ({first_name})"
+            )?;
+            return others.iter().try_for_each(|(item, name)| write!(formatter, ", {item} ({name})"));
+        }
+        let [min, max] = [variable.min, variable.max].map(Shown);
+        write!(formatter, "{shown} for the variable {name} is outside its range {min} to {max}")
     }
 }
 
