@@ -7,6 +7,7 @@
 
 use crate::calibration::CELL;
 use crate::checksum::Checksum;
+use crate::model::context::EVENT;
 
 /// The byte with which frames begin.
 const START: u8 = 0xF5;
@@ -14,6 +15,17 @@ const START: u8 = 0xF5;
 const HEAD: usize = 4;
 /// The bytes after the content.
 const TAIL: usize = 8;
+
+/// The most cells of the page in one frame.
+pub const MOST_PAGE_CELLS: usize = 64;
+
+/// The longest frame to the ECU, in bytes, of a model with a number of inputs: a part of the page, or the inputs.
+#[must_use]
+pub const fn longest_frame(inputs: usize) -> usize {
+    // Before a part of the page is the number of its first cell.
+    let cells = if inputs > MOST_PAGE_CELLS + 1 { inputs } else { MOST_PAGE_CELLS + 1 };
+    HEAD + cells * CELL + TAIL
+}
 
 /// What a frame is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +64,12 @@ impl Kind {
         Self::Event,
         Self::Error,
     ];
+
+    /// What a message of a category is sent as.
+    #[must_use]
+    pub fn of_message(category: &str) -> Self {
+        if category == EVENT { Self::Event } else { Self::Warning }
+    }
 
     fn of(byte: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| *kind as u8 == byte)

@@ -35,16 +35,6 @@ const fn reference_page() -> [u64; PARAMETERS] {
 /// The bytes of the results, at most: eight for each measurement.
 const MOST_RESULTS: usize = 8 * MEASUREMENTS;
 
-/// What the firmware does.
-#[derive(Clone, Copy, PartialEq)]
-enum State {
-    /// It waits for the first inputs.
-    Waiting,
-    Running,
-    /// Measurements are missing, or the controller has failed.
-    LimpingHome,
-}
-
 /// The instructions, in ticks of the stopwatch, of the samples.
 #[derive(Clone, Copy, Default)]
 struct Statistics {
@@ -55,7 +45,8 @@ struct Statistics {
 
 pub struct Controller {
     task: Task<ControlLaw>,
-    state: State,
+    /// Whether the commands are those for the way home, until there are measurements.
+    limps_home: bool,
     page: &'static Cells<PARAMETERS>,
     follower: Follower<PARAMETERS>,
     measurements: &'static Cells<MEASUREMENTS>,
@@ -74,7 +65,7 @@ impl Controller {
         page.set(0, REFERENCE_PAGE.iter().copied());
         Self {
             task: Task::default(),
-            state: State::Waiting,
+            limps_home: false,
             page,
             follower: Follower::new(),
             measurements,
@@ -97,21 +88,18 @@ impl Controller {
 
     /// Starts anew with inputs and the parameters of the calibration page, and answers.
     pub fn initialize(&mut self, inputs: impl Iterator<Item = u64>) {
-        self.task = Task::default();
-        self.follower = Follower::new();
         let done = self.start(inputs);
         self.answer(done);
     }
 
     fn start(&mut self, inputs: impl Iterator<Item = u64>) -> Result<(), Error> {
-        self.state = State::Waiting;
+        self.task = Task::default();
+        self.follower = Follower::new();
         if let Some(page) = self.follower.changed(self.page) {
             self.task.take_page(page)?;
         }
         calibration::set_inputs(&mut self.task.variables, inputs)?;
-        self.task.initialize(&mut log(self.line))?;
-        self.state = State::Running;
-        Ok(())
+        self.task.initialize(&mut log(self.line))
     }
 
     /// Executes a sample with inputs, and answers.
@@ -120,17 +108,22 @@ impl Controller {
         self.answer(done);
     }
 
-    /// Takes measurements for the next samples. Returns whether the controller has just begun to run.
-    pub fn take_measurements(&mut self, inputs: impl Iterator<Item = u64> + Clone) -> bool {
-        if self.state == State::Running {
+    /// Takes measurements for the next samples, with which it starts anew if it does not run. Returns whether it has just
+    /// started.
+    pub fn take_measurements(&mut self, inputs: impl Iterator<Item = u64>) -> bool {
+        if self.task.is_initialized() && !self.limps_home {
             if calibration::set_inputs(&mut self.task.variables, inputs).is_ok() {
                 self.missing = 0;
             }
             return false;
         }
-        self.missing = 0;
-        self.initialize(inputs);
-        self.state == State::Running
+        let done = self.start(inputs);
+        let has_started = done.is_ok();
+        if has_started {
+            (self.limps_home, self.missing) = (false, 0);
+        }
+        self.answer(done);
+        has_started
     }
 
     /// Executes a sample with the latest measurements, or limps home without.
@@ -138,14 +131,10 @@ impl Controller {
         self.missing = self.missing.saturating_add(1);
         // As long as a measurement must be implausible to count as a fault.
         let most = self.task.variables.parameters.diagnosis.confirmation_time;
-        if f64::from(self.missing) * self.period() > most {
-            self.state = State::LimpingHome;
-        }
-        let done = if self.state == State::Running { self.execute() } else { Ok(()) };
-        if done.is_err() {
-            self.state = State::LimpingHome;
-        }
-        if self.state == State::LimpingHome {
+        self.limps_home |= f64::from(self.missing) * self.period() > most;
+        let done = if self.limps_home { Ok(()) } else { self.execute() };
+        self.limps_home |= done.is_err();
+        if self.limps_home {
             let variables = &mut self.task.variables;
             variables.outputs = limp_home(&variables.parameters);
         }
@@ -154,14 +143,11 @@ impl Controller {
 
     /// Limps home until there are measurements.
     pub fn limp_home(&mut self) {
-        self.state = State::LimpingHome;
+        self.limps_home = true;
     }
 
     /// Executes a sample, with a changed page if the controller takes it.
     fn execute(&mut self) -> Result<(), Error> {
-        if self.state != State::Running {
-            return Err(Error::new("the controller has not been initialized, or has failed"));
-        }
         if let Some(page) = self.follower.changed(self.page)
             && let Err(error) = self.task.take_page(page)
         {
@@ -173,9 +159,6 @@ impl Controller {
         let ticks = stopwatch.stop().into();
         let Statistics { samples, ticks: all, most } = self.statistics;
         self.statistics = Statistics { samples: samples + 1, ticks: all + ticks, most: most.max(ticks) };
-        if done.is_err() {
-            self.state = State::Waiting;
-        }
         done
     }
 
@@ -214,7 +197,6 @@ fn execute_sample(task: &mut Task<ControlLaw>, line: SerialLine) -> Result<(), E
 /// Sends messages over the line.
 fn log(line: SerialLine) -> impl FnMut(&'static str, core::fmt::Arguments<'_>) {
     move |category, message| {
-        let kind = if category == "logEvents" { Kind::Event } else { Kind::Warning };
-        frames::send(kind, Text::<200>::of(message).bytes(), |byte| line.send(byte));
+        frames::send(Kind::of_message(category), Text::<200>::of(message).bytes(), |byte| line.send(byte));
     }
 }

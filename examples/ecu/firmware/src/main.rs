@@ -35,8 +35,8 @@ static MEASUREMENTS: Cells<MEASURED> = Cells::new();
 #[unsafe(link_section = ".a2l")]
 static DESCRIPTION: [u8; A2L.len()] = *A2L;
 
-/// The longest frame that is received: a part of the page of 64 cells.
-const LONGEST_FRAME: usize = 8 * 65 + 12;
+/// The longest frame that is received; the inputs are among what is measured.
+const LONGEST_FRAME: usize = frames::longest_frame(MEASURED);
 
 #[entry]
 fn main() -> ! {

@@ -11,14 +11,11 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use fmu_export::frames::{self, Kind};
+use fmu_export::frames::{self, Kind, MOST_PAGE_CELLS};
 use fmu_export::{Context, Error};
 
 /// The firmware's image.
 pub static IMAGE: &[u8] = include_bytes!(env!("ECU_IMAGE"));
-
-/// The cells of a page that fit into a frame.
-const CELLS_IN_FRAME: usize = 64;
 
 /// How long an answer may take. A sample takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -116,8 +113,8 @@ impl Ecu {
     /// # Errors
     /// When QEMU has ended.
     pub fn write_page(&mut self, page: &[u64]) -> Result<(), Error> {
-        for (number, part) in page.chunks(CELLS_IN_FRAME).enumerate() {
-            let first = [(CELLS_IN_FRAME * number) as u64];
+        for (number, part) in page.chunks(MOST_PAGE_CELLS).enumerate() {
+            let first = [(MOST_PAGE_CELLS * number) as u64];
             self.send(Kind::Page, &[&first, part].concat())?;
         }
         Ok(())

@@ -42,10 +42,9 @@ impl InTheLoop {
             Some(ecu) => ecu,
             none => none.insert(Ecu::start()?),
         };
-        let page: Vec<_> = calibration::page(variables).collect();
-        if page != self.page {
-            ecu.write_page(&page)?;
-            self.page = page;
+        if !calibration::page(variables).eq(self.page.iter().copied()) {
+            self.page = calibration::page(variables).collect();
+            ecu.write_page(&self.page)?;
         }
         work(ecu, &mut calibration::inputs(variables))?;
         let results = ecu.answer(context)?;

@@ -88,6 +88,13 @@ fn without_measurements_it_limps_home_until_they_are_back() {
     // What is not finite is no measurement.
     running.variables.inputs.boost_pressure = f64::NAN;
     running.until(true, limps_home);
+    // Nor do they end the way home, or its commands: what is refused is told, and what is commanded stays.
+    for _ in 0..100 {
+        running.measure();
+        if running.answer().is_ok() {
+            assert!(limps_home(&running.variables), "{:?}", running.variables.outputs);
+        }
+    }
 }
 
 /// A firmware that hangs is reset, and limps home until there are measurements.
