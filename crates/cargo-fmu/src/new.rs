@@ -227,12 +227,12 @@ impl New {
         let manifest = fs::read_to_string(&manifest_file)
             .with_context(|| format!("cannot read {}", manifest_file.display()))?;
         let profile = if is_root { format!("\n{LIBRARY_PROFILE}\n{PROFILE}") } else { String::new() };
-        let manifest = manifest_of(&manifest, identifier, &self.path);
-        // Firmware takes the model as a crate of Rust.
-        let manifest = match self.template {
-            Template::Ecu => manifest.replace("[\"cdylib\"]", "[\"cdylib\", \"rlib\"]"),
-            _ => manifest,
+        let types = match self.template {
+            // Firmware takes the model as a crate of Rust.
+            Template::Ecu => r#""cdylib", "rlib""#,
+            _ => r#""cdylib""#,
         };
+        let manifest = manifest_of(&manifest, identifier, types, &self.path);
         write("Cargo.toml", &(manifest + &profile))?;
         write("build.rs", BUILD_SCRIPT)?;
         write(DECLARATION, files.declaration)?;
@@ -258,15 +258,15 @@ impl New {
     }
 }
 
-/// Cargo's manifest, with the library's type and the dependencies.
-fn manifest_of(manifest: &str, identifier: &str, folder: &Path) -> String {
+/// Cargo's manifest, with the library's types and the dependencies.
+fn manifest_of(manifest: &str, identifier: &str, types: &str, folder: &Path) -> String {
     let package = manifest.split("[dependencies]").next().unwrap_or_default().trim_end();
     let (runtime, build) = (source_of("fmu-export", folder), source_of("fmu-export-build", folder));
     format!(
         "{package}\n\
          links = \"fmu-{identifier}\" # so that `cargo fmu` can generate in place of build.rs, which takes long to compile\n\n\
          [lib]\n\
-         crate-type = [\"cdylib\"]\n\n\
+         crate-type = [{types}]\n\n\
          [dependencies]\n\
          fmu-export = {{ {runtime} }}\n\n\
          [build-dependencies]\n\

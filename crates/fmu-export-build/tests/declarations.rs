@@ -4,6 +4,7 @@
 //! default; the same declarations are tried each time. For others and more:
 //! `RANDOM_DECLARATIONS=20000 cargo test --release -p fmu-export-build --test declarations -- --ignored`.
 
+mod a2l;
 mod random;
 
 use std::env;
@@ -214,6 +215,17 @@ impl Random {
         names.into_iter().map(component).collect()
     }
 
+    /// A component with a map and a curve over axes.
+    fn charts(&mut self) -> Value {
+        let (names, sizes) = (self.names(4), [2 + self.below(3), 2 + self.below(20)]);
+        let parameter = |name: &str, sizes: &[usize], axes: &[&str]| json!({"name": name, "unit": "%", "causality": "parameter", "dimensions": sizes, "axes": axes, "start": 1});
+        let [row, column, map, curve] = [0, 1, 2, 3].map(|number| names[number].as_str());
+        json!({"name": "charts", "variables": [
+            parameter(map, &sizes, &[row, column]), parameter(curve, &sizes[1..], &[column]),
+            parameter(row, &sizes[..1], &[]), parameter(column, &sizes[1..], &[]),
+        ]})
+    }
+
     fn declaration(&mut self, fmi3: bool) -> Value {
         let mut enumerations: Vec<(String, Vec<String>)> = Vec::new();
         for _ in 0..self.below(3) {
@@ -242,7 +254,10 @@ impl Random {
             let name = self.pick(&TYPES);
             component_types.push(json!({"name": name, "variables": variables, "components": components}));
         }
-        let components = self.components(fmi3, &enumerations, grouped, &component_types, 2);
+        let mut components = self.components(fmi3, &enumerations, grouped, &component_types, 2);
+        if self.one_in(2) {
+            components.push(self.charts());
+        }
         // Those that no component has are refused.
         let written = json!([components, component_types]).to_string();
         component_types.retain(|known| written.contains(&json!({"type": known["name"]}).to_string()[1..]));
@@ -323,4 +338,61 @@ fn what_is_accepted_compiles() {
     }
     println!("{accepted} of {count} declarations are accepted, and compile");
     assert!(accepted > count / 4, "{accepted} of {count}: too few to say something");
+}
+
+/// What a target without an operating system accepts has an A2L in which each scalar with a cell has an item, and each item
+/// cells of its own.
+#[test]
+fn the_a2l_of_what_is_accepted_is_consistent() {
+    let mut random = Random(2012);
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("a2l of declarations");
+    fs::create_dir_all(&folder).expect("the folder for tests is writable");
+    let file = folder.join("model.json");
+    let package = Package { version: "1.0.0".to_owned(), is_bare_metal: true, ..Package::default() };
+    let (mut accepted, mut maps) = (0, 0);
+    for _ in 0..400 {
+        let version = random.pick(&Version::ALL);
+        let declaration = random.declaration(version == Version::Three);
+        fs::write(&file, declaration.to_string()).expect("the folder for tests is writable");
+        let Ok(generated) =
+            generate_into(&file, &folder, &package, Fmi { version, interfaces: Interfaces::CoSimulation })
+        else {
+            continue;
+        };
+        accepted += 1;
+        let written = |name: &str| fs::read(generated.variables.with_file_name(name)).expect("it is written");
+        let text = String::from_utf8(written("model.a2l")).expect("it is a text");
+        let module = a2l::module(&text);
+        let size = |sizes: Option<&a2lfile::MatrixDim>| {
+            sizes.map_or(1, |sizes| sizes.dim_list.iter().map(|&size| usize::from(size)).product())
+        };
+        // The distance of each item from the symbol, with its cells.
+        let mut parameters: Vec<(i32, usize)> = Vec::new();
+        for item in &module.characteristic {
+            let link = item.symbol_link.as_ref().expect("it has a link");
+            let over = item.axis_descr.iter().map(|axis| usize::from(axis.max_axis_points));
+            maps += item.axis_descr.len();
+            parameters.push((link.offset, over.product::<usize>() * size(item.matrix_dim.as_ref())));
+        }
+        for item in &module.axis_pts {
+            let link = item.symbol_link.as_ref().expect("it has a link");
+            parameters.push((link.offset, item.max_axis_points.into()));
+        }
+        parameters.sort_unstable();
+        let end = parameters.into_iter().fold(0, |end, (offset, cells)| {
+            assert_eq!(usize::try_from(offset), Ok(end), "{text}");
+            end + 8 * cells
+        });
+        assert_eq!(end, written("start.page").len(), "{text}");
+        let names: usize = module
+            .group
+            .iter()
+            .map(|group| {
+                group.ref_characteristic.as_ref().map_or(0, |list| list.identifier_list.len())
+                    + group.ref_measurement.as_ref().map_or(0, |list| list.identifier_list.len())
+            })
+            .sum();
+        assert_eq!(names, module.characteristic.len() + module.axis_pts.len() + module.measurement.len());
+    }
+    assert!(accepted > 50 && maps > 20, "{accepted} accepted, {maps} axes: too few to say something");
 }

@@ -108,18 +108,15 @@ impl Writer<'_, '_> {
         } else {
             &[]
         };
-        let axes: String = declared.iter().rev().map(|axis| self.axis(part, axis)).collect();
         let kind = match (variable.sizes.len(), declared.len()) {
             (0, _) => "VALUE",
             (1, 1) => "CURVE",
             (2, 2) => "MAP",
             _ => "VAL_BLK",
         };
-        let sizes: Vec<_> = variable.sizes.iter().rev().map(usize::to_string).collect();
-        let (axes, sizes) = match kind {
-            "VAL_BLK" => (String::new(), format!("\n      MATRIX_DIM {}", sizes.join(" "))),
-            _ => (axes, String::new()),
-        };
+        let of_map = if kind == "VAL_BLK" { &[] } else { declared };
+        let axes: String = of_map.iter().rev().map(|axis| self.axis(part, axis)).collect();
+        let sizes = if kind == "VAL_BLK" { matrix(variable) } else { String::new() };
         let _ = write!(
             self.items,
             "    /begin CHARACTERISTIC {name} {description} {kind} 0x0 {layout} 0 {conversion} {lower} {upper}{axes}{sizes}{access}
@@ -133,9 +130,7 @@ impl Writer<'_, '_> {
     fn measurement(&mut self, cells: &Cells<'_>) {
         let Common { name, description, data_type, conversion, lower, upper, link } =
             self.common(cells, MEASUREMENTS);
-        let sizes: Vec<_> = cells.variable.sizes.iter().rev().map(usize::to_string).collect();
-        let sizes =
-            if sizes.is_empty() { String::new() } else { format!("\n      MATRIX_DIM {}", sizes.join(" ")) };
+        let sizes = matrix(&cells.variable);
         let _ = write!(
             self.items,
             "    /begin MEASUREMENT {name} {description} {data_type} {conversion} 0 0 {lower} {upper}
@@ -188,27 +183,24 @@ impl Writer<'_, '_> {
 
     /// The name of the conversion of a scalar to what people see, and its limits there.
     fn conversion(&mut self, scalar: &Scalar) -> (String, [f64; 2]) {
-        let verbal = |items: Vec<(i32, &str)>| -> String {
-            let lines: Vec<_> =
-                items.iter().map(|(value, name)| format!("      {value} {}\n", quoted(name))).collect();
-            lines.concat()
-        };
-        let (table, items, limits) = match scalar.data_type {
+        let (name, items, limits) = match scalar.data_type {
             ValueType::Enumeration(position) => {
                 let enumeration = &self.model.declaration.enumerations[position];
                 let items: Vec<_> =
                     enumeration.valued().map(|(item, value)| (value, item.name.as_str())).collect();
                 let values = || items.iter().map(|(value, _)| f64::from(*value));
                 let limits = [values().fold(f64::MAX, f64::min), values().fold(f64::MIN, f64::max)];
-                (identifier(&enumeration.name), items, limits)
+                // Names of enumerations may differ in other letters; those in Rust do not.
+                (format!("VERBAL.{}", identifier(&enumeration.rust_name())), items, limits)
             }
             ValueType::Standard(DataType::Boolean) => {
-                ("Boolean".to_owned(), vec![(0, "false"), (1, "true")], [0.0, 1.0])
+                ("BOOLEAN".to_owned(), vec![(0, "false"), (1, "true")], [0.0, 1.0])
             }
             ValueType::Standard(_) => return self.physical(scalar),
         };
-        let (name, count) = (format!("VERBAL.{table}"), items.len());
-        let texts = verbal(items);
+        let texts: Vec<_> =
+            items.iter().map(|(value, name)| format!("      {value} {}\n", quoted(name))).collect();
+        let (count, texts) = (texts.len(), texts.concat());
         self.conversions.entry(name.clone()).or_insert_with(|| {
             format!(
                 "    /begin COMPU_METHOD {name} \"\" TAB_VERB \"%8.4\" \"\"
@@ -278,12 +270,18 @@ impl Writer<'_, '_> {
             let own = firsts.filter(|&first| model.scalars[first].field[0] == part);
             own.map(|first| format!(" {}", self.names[&first])).collect::<Vec<_>>().concat()
         };
+        let mut taken = BTreeSet::new();
+        let name = |part: &Part<'_>| match part.name.as_str() {
+            "" => "model".to_owned(),
+            name => free(format!("component.{}", identifier(name)), &mut taken),
+        };
+        let names: Vec<_> = model.parts.iter().map(name).collect();
         let mut text = String::new();
         for (position, part) in model.parts.iter().enumerate() {
             let reference = |kind: &str, names: String| {
                 if names.is_empty() { names } else { format!("      /begin {kind}{names} /end {kind}\n") }
             };
-            let inner = part.components.iter().map(|&inner| format!(" {}", group_name(&model.parts[inner])));
+            let inner = part.components.iter().map(|&inner| format!(" {}", names[inner]));
             let inner = inner.collect::<Vec<_>>().concat();
             let root = if part.around.is_none() { "      ROOT\n" } else { "" };
             let _ = write!(
@@ -291,7 +289,7 @@ impl Writer<'_, '_> {
                 "    /begin GROUP {} {}
 {root}{}{}{}    /end GROUP
 ",
-                group_name(part),
+                names[position],
                 quoted(part.description.as_deref().unwrap_or_default()),
                 reference("REF_CHARACTERISTIC", of(position, parameters)),
                 reference("REF_MEASUREMENT", of(position, measurements)),
@@ -321,13 +319,7 @@ fn names<'c>(model: &Model<'_>, cells: impl Iterator<Item = &'c Cells<'c>>) -> B
             let first = variable.positions[0];
             let name = &model.scalars[first].name;
             let name = identifier(&if variable.is_array() { without_subscripts(name) } else { name.clone() });
-            // Names of FMI may differ in other letters.
-            let (mut free, mut number) = (name.clone(), 1);
-            while !taken.insert(free.clone()) {
-                number += 1;
-                free = format!("{name}_{number}");
-            }
-            (first, free)
+            (first, free(name, &mut taken))
         })
         .collect()
 }
@@ -343,8 +335,20 @@ struct Common {
     link: String,
 }
 
-fn group_name(part: &Part<'_>) -> String {
-    if part.name.is_empty() { "model".to_owned() } else { format!("component.{}", identifier(&part.name)) }
+/// The sizes of an array, that along a row first; nothing of a scalar.
+fn matrix(variable: &Variable<'_>) -> String {
+    let sizes: Vec<_> = variable.sizes.iter().rev().map(usize::to_string).collect();
+    if sizes.is_empty() { String::new() } else { format!("\n      MATRIX_DIM {}", sizes.join(" ")) }
+}
+
+/// A name, or if it is taken the name with the first free number: names of FMI may differ in letters that an A2L has not.
+fn free(name: String, taken: &mut BTreeSet<String>) -> String {
+    let (mut free, mut number) = (name.clone(), 1);
+    while !taken.insert(free.clone()) {
+        number += 1;
+        free = format!("{name}_{number}");
+    }
+    free
 }
 
 /// A data type's name in an A2L.

@@ -4,9 +4,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use a2lfile::{A2lObjectName as _, Characteristic, CharacteristicType, Module};
+use a2lfile::{A2lObjectName as _, Characteristic, CharacteristicType};
 use fmu_export_build::{Interfaces, Package, generate_into};
 
+use super::a2l::module;
 use super::{folder, read};
 
 /// A controller with one of each kind of parameters, measurements and conversions.
@@ -50,16 +51,6 @@ fn generate(name: &str, model: &str) -> Result<PathBuf, String> {
     fs::write(&file, model).expect("the folder for tests is writable");
     let generated = generate_into(&file, &folder, &package(), Interfaces::CoSimulation);
     generated.map(|generated| generated.variables.with_file_name("")).map_err(|error| error.to_string())
-}
-
-/// Reads an A2L strictly. Returns its module, which is consistent.
-fn module(text: &str) -> Module {
-    let (file, findings) =
-        a2lfile::load_from_string(text, None, true).unwrap_or_else(|error| panic!("{error}\n{text}"));
-    assert!(findings.is_empty(), "{findings:?}\n{text}");
-    let findings = file.check();
-    assert!(findings.is_empty(), "{findings:?}\n{text}");
-    file.project.module.first().expect("there is a module").clone()
 }
 
 fn generated(name: &str) -> PathBuf {

@@ -12,6 +12,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fmu_export_build::{Generated, Interfaces, Package, generate_into};
 
+#[path = "../a2l/mod.rs"]
+mod a2l;
 mod arrays;
 mod bare_metal;
 mod defaults;
