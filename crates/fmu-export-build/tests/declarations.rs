@@ -7,6 +7,7 @@
 mod a2l;
 mod random;
 
+use std::collections::BTreeSet;
 use std::env;
 use std::fmt::Write as _;
 use std::fs;
@@ -384,6 +385,8 @@ fn the_a2l_of_what_is_accepted_is_consistent() {
             end + 8 * cells
         });
         assert_eq!(end, written("start.page").len(), "{text}");
+        let groups: BTreeSet<_> = module.group.iter().map(a2lfile::A2lObjectName::get_name).collect();
+        assert_eq!(groups.len(), text.matches("/begin GROUP").count(), "{text}");
         let names: usize = module
             .group
             .iter()

@@ -190,8 +190,7 @@ impl Writer<'_, '_> {
                     enumeration.valued().map(|(item, value)| (value, item.name.as_str())).collect();
                 let values = || items.iter().map(|(value, _)| f64::from(*value));
                 let limits = [values().fold(f64::MAX, f64::min), values().fold(f64::MIN, f64::max)];
-                // Names of enumerations may differ in other letters; those in Rust do not.
-                (format!("VERBAL.{}", identifier(&enumeration.rust_name())), items, limits)
+                (format!("VERBAL.{}", identifier(&enumeration.name)), items, limits)
             }
             ValueType::Standard(DataType::Boolean) => {
                 ("BOOLEAN".to_owned(), vec![(0, "false"), (1, "true")], [0.0, 1.0])
@@ -201,7 +200,7 @@ impl Writer<'_, '_> {
         let texts: Vec<_> =
             items.iter().map(|(value, name)| format!("      {value} {}\n", quoted(name))).collect();
         let (count, texts) = (texts.len(), texts.concat());
-        self.conversions.entry(name.clone()).or_insert_with(|| {
+        let text = |name: &str| {
             format!(
                 "    /begin COMPU_METHOD {name} \"\" TAB_VERB \"%8.4\" \"\"
       COMPU_TAB_REF {name}.texts
@@ -210,8 +209,8 @@ impl Writer<'_, '_> {
 {texts}    /end COMPU_VTAB
 "
             )
-        });
-        (name, limits)
+        };
+        (self.named(&name, text), limits)
     }
 
     /// The conversion of a number to its display unit, or to its unit.
@@ -241,14 +240,7 @@ impl Writer<'_, '_> {
                 quoted(unit)
             )
         };
-        // Units such as Pa/% and Pa.% have the same letters, and differences of a unit with an offset have none.
-        let is_taken = |name: &String| self.conversions.get(name).is_some_and(|known| *known != text(name));
-        let (mut name, mut number) = (format!("{kind}.{suffix}"), 1);
-        while is_taken(&name) {
-            number += 1;
-            name = format!("{kind}.{suffix}_{number}");
-        }
-        self.conversions.entry(name.clone()).or_insert_with(|| text(&name));
+        let name = self.named(&format!("{kind}.{suffix}"), text);
         let range = scalar.data_type.integer().map(|(_, range)| [*range.start() as f64, *range.end() as f64]);
         let [least, most] = match scalar.data_type.data_type() {
             DataType::Float32 => [f32::MIN.into(), f32::MAX.into()],
@@ -262,6 +254,18 @@ impl Writer<'_, '_> {
         (name, if linear.factor < 0.0 { [limits[1], limits[0]] } else { limits })
     }
 
+    /// The name of a conversion with a text, this one or the first with a number that no other has: units such as Pa/% and
+    /// Pa.% have the same letters, as enumerations may, and differences of a unit with an offset have none.
+    fn named(&mut self, name: &str, text: impl Fn(&str) -> String) -> String {
+        let (mut free, mut number) = (name.to_owned(), 1);
+        while self.conversions.get(&free).is_some_and(|known| *known != text(&free)) {
+            number += 1;
+            free = format!("{name}_{number}");
+        }
+        self.conversions.entry(free.clone()).or_insert_with(|| text(&free));
+        free
+    }
+
     /// The model's components as groups.
     fn groups(&self, parameters: &[Cells<'_>], measurements: &[Cells<'_>]) -> String {
         let model = self.model;
@@ -273,7 +277,7 @@ impl Writer<'_, '_> {
         let mut taken = BTreeSet::new();
         let name = |part: &Part<'_>| match part.name.as_str() {
             "" => "model".to_owned(),
-            name => free(format!("component.{}", identifier(name)), &mut taken),
+            name => free(&format!("component.{}", identifier(name)), &mut taken),
         };
         let names: Vec<_> = model.parts.iter().map(name).collect();
         let mut text = String::new();
@@ -319,7 +323,7 @@ fn names<'c>(model: &Model<'_>, cells: impl Iterator<Item = &'c Cells<'c>>) -> B
             let first = variable.positions[0];
             let name = &model.scalars[first].name;
             let name = identifier(&if variable.is_array() { without_subscripts(name) } else { name.clone() });
-            (first, free(name, &mut taken))
+            (first, free(&name, &mut taken))
         })
         .collect()
 }
@@ -342,8 +346,8 @@ fn matrix(variable: &Variable<'_>) -> String {
 }
 
 /// A name, or if it is taken the name with the first free number: names of FMI may differ in letters that an A2L has not.
-fn free(name: String, taken: &mut BTreeSet<String>) -> String {
-    let (mut free, mut number) = (name.clone(), 1);
+fn free(name: &str, taken: &mut BTreeSet<String>) -> String {
+    let (mut free, mut number) = (name.to_owned(), 1);
     while !taken.insert(free.clone()) {
         number += 1;
         free = format!("{name}_{number}");

@@ -125,6 +125,39 @@ fn conversions_are_those_of_display_units() {
     assert_eq!(items, [(-2.0, "off"), (5.0, "on")]);
 }
 
+/// Names that differ in letters which an A2L has not.
+#[test]
+fn what_has_the_same_letters_has_names_of_its_own() {
+    let items = |names: [&str; 2]| names.map(|name| format!(r#"{{"name": "{name}"}}"#)).join(", ");
+    let variable = |name: &str, data_type: &str, start: &str| {
+        format!(
+            r#"{{"name": "{name}", "type": "{data_type}", "causality": "parameter", "start": "{start}"}}"#
+        )
+    };
+    let component = |name: &str, inner: String| format!(r#"{{"name": "{name}", "variables": [{inner}]}}"#);
+    let model = format!(
+        r#"{{"model_identifier": "Letters", "enumerations": [
+            {{"name": "Größe", "items": [{}]}}, {{"name": "Grüße", "items": [{}]}}],
+            "variables": [{}, {}, {{"name": "y", "unit": "1", "causality": "output"}}], "components": [{}, {}]}}"#,
+        items(["small", "large"]),
+        items(["short", "long"]),
+        variable("größe", "Größe", "large"),
+        variable("grüße", "Grüße", "long"),
+        component("maß", variable("x", "Größe", "small")),
+        component("maü", variable("x", "Grüße", "short")),
+    );
+    let folder = generate("letters", &model).unwrap_or_else(|error| panic!("{error}"));
+    let module = module(&read(&folder.join("model.a2l")));
+    let first_items = ["gr__e", "gr__e_2", "ma_.x", "ma_.x_2"].map(|name| {
+        let table = module.compu_method[&*module.characteristic[name].conversion].compu_tab_ref.as_ref();
+        let table = &table.expect("an enumeration has a table").conversion_table;
+        module.compu_vtab[&**table].value_pairs[0].out_val.clone()
+    });
+    assert_eq!(first_items, ["small", "short", "small", "short"]);
+    let groups: Vec<_> = module.group.iter().map(|group| group.get_name().to_owned()).collect();
+    assert_eq!(groups, ["model", "component.ma_", "component.ma__2"]);
+}
+
 /// Parameters and measurements have cells one after the other, each array as many as elements.
 #[test]
 fn cells_follow_each_other_and_have_the_start_values() {
