@@ -155,7 +155,7 @@ impl<'a> Image<'a> {
             let [sign, j1, j2] = [half >> 10 & 1, next >> 13 & 1, next >> 11 & 1];
             let immediate = (half & 0xF) << 12 | (half >> 10 & 1) << 11 | (next >> 12 & 7) << 8 | next & 0xFF;
             let register = (next >> 8 & 0xF) as usize;
-            if half >> 11 == 0b11110 && next & 0xD000 >= 0x9000 && next & 0x9000 == 0x9000 {
+            if half >> 11 == 0b11110 && next & 0x9000 == 0x9000 {
                 // B, T4, and BL.
                 let [i1, i2] = [j1, j2].map(|j| 1 - (j ^ sign));
                 let offset = i1 << 23 | i2 << 22 | (half & 0x3FF) << 12 | (next & 0x7FF) << 1;
