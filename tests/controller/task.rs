@@ -91,12 +91,16 @@ fn a_page_is_taken_whole_or_not_at_all() {
     task.initialize(&mut log).unwrap();
     let before = page(&task);
     let refusals = [
-        (cells[0], f64::NAN.to_bits(), "NaN for range_schedule.gain[1,1] is not a value of it"),
-        (cells[0], 1e9_f64.to_bits(), "1000000000 for range_schedule.gain[1,1]"),
+        (cells[0], f64::NAN.to_bits(), "NaN for the variable range_schedule.gain[1,1]"),
+        (
+            cells[0],
+            1e9_f64.to_bits(),
+            "1000000000 for the variable range_schedule.gain[1,1] is outside its range",
+        ),
         (cells[0], 0.0_f64.to_bits(), "range_schedule.gain[1,1]"),
         (cells[1], 100.0_f64.to_bits(), "pwm_min is 100 % and must be below pwm_max"),
         (cells[2], 2001.0_f64.to_bits(), "range_schedule.engine_speed[4] is fixed"),
-        (cells[3], 2, "2 for diagnosis.limp_home is not a value of it"),
+        (cells[3], 2, "2 for the variable diagnosis.limp_home is neither 0 nor 1"),
     ];
     for (cell, bits, reason) in refusals {
         let mut page_of_tool = before.clone();
