@@ -5,8 +5,9 @@
 
 use core::array;
 use core::f64::consts::{LN_2, LOG2_E};
+use core::ops::{Add, Mul, Sub};
 
-use fmu_export::Number;
+use fmu_export::{Float, Number};
 
 /// The functions for a model's numbers, with their derivatives.
 pub trait Elementary: Number {
@@ -18,7 +19,7 @@ pub trait Elementary: Number {
             Self::powers_of_two([exponent * logarithm])[0]
         } else {
             // The derivative is 0 for exponents above 1, undefined below.
-            Self::from(self.value().powf(exponent.value()))
+            Self::from(Float::powf(self.value(), exponent.value()))
         }
     }
 
@@ -49,22 +50,25 @@ impl<T: Number> Elementary for T {}
 /// The larger of two numbers, by one comparison; `f64::max` spends four more instructions on NaN.
 #[must_use]
 #[inline]
-pub fn larger(a: f64, b: f64) -> f64 {
+pub fn larger<T: PartialOrd>(a: T, b: T) -> T {
     if a > b { a } else { b }
 }
 
 /// The smaller of two numbers, by one comparison.
 #[must_use]
 #[inline]
-pub fn smaller(a: f64, b: f64) -> f64 {
+pub fn smaller<T: PartialOrd>(a: T, b: T) -> T {
     if a < b { a } else { b }
 }
 
 /// Linear interpolation between two numbers by a fraction from 0 to 1; exact at both ends.
 #[must_use]
 #[inline]
-pub fn between(from: f64, to: f64, share: f64) -> f64 {
-    (1.0 - share) * from + share * to
+pub fn between<T>(from: T, to: T, share: T) -> T
+where
+    T: Copy + From<f32> + Add<Output = T> + Sub<Output = T> + Mul<Output = T>,
+{
+    (T::from(1.0) - share) * from + share * to
 }
 
 /// The exponents' bias.
@@ -87,7 +91,7 @@ pub fn log2s<const N: usize>(numbers: [f64; N]) -> [f64; N] {
     if numbers.iter().all(is_normal) {
         numbers.map(log2_of_normal)
     } else {
-        numbers.map(|x| if is_normal(&x) { log2_of_normal(x) } else { x.log2() })
+        numbers.map(|x| if is_normal(&x) { log2_of_normal(x) } else { Float::log2(x) })
     }
 }
 
@@ -129,7 +133,7 @@ pub fn exp2s<const N: usize>(exponents: [f64; N]) -> [f64; N] {
     if exponents.iter().all(is_moderate) {
         exponents.map(exp2_of_moderate)
     } else {
-        exponents.map(|x| if is_moderate(&x) { exp2_of_moderate(x) } else { x.exp2() })
+        exponents.map(|x| if is_moderate(&x) { exp2_of_moderate(x) } else { Float::exp2(x) })
     }
 }
 
@@ -154,10 +158,25 @@ fn exp2_of_moderate(x: f64) -> f64 {
 }
 
 /// A positive number to a power.
-#[must_use]
-#[inline]
-pub fn power(base: f64, exponent: f64) -> f64 {
-    exp2(exponent * log2(base))
+pub trait Power {
+    /// The number to a power.
+    #[must_use]
+    fn power(self, exponent: Self) -> Self;
+}
+
+impl Power for f64 {
+    #[inline]
+    fn power(self, exponent: Self) -> Self {
+        exp2(exponent * log2(self))
+    }
+}
+
+/// By the library's functions for this precision, which need few operations; its power, exact to the last bit, needs many.
+impl Power for f32 {
+    #[inline]
+    fn power(self, exponent: Self) -> Self {
+        Float::exp(exponent * Float::ln(self))
+    }
 }
 
 #[cfg(test)]
@@ -180,8 +199,22 @@ mod tests {
         assert!((log2(core::f64::consts::SQRT_2) - 0.5).abs() < 1e-15 && log2(1.0) == 0.0);
         for n in -2000..2000 {
             let (base, exponent) = ((0.5 * f64::from(n)).exp2(), 0.285_714);
-            let error = power(base, exponent) / base.powf(exponent) - 1.0;
+            let error = Power::power(base, exponent) / base.powf(exponent) - 1.0;
             assert!(error.abs() < 1e-13, "{base}: {error}");
+        }
+    }
+
+    #[test]
+    fn powers_in_single_precision_are_exact_to_the_rounding_of_their_logarithms() {
+        for n in 1_i16..2000 {
+            let base = 0.01 * f32::from(n);
+            for exponent in [0.09, 0.285_714, 0.7, 3.5] {
+                let power = f64::from(base).powf(f64::from(exponent));
+                let error = f64::from(Power::power(base, exponent)) / power - 1.0;
+                // Logarithm, product and exponential function are each exact to a bit.
+                let bound = f64::from(f32::EPSILON) * (1.0 + 2.0 * power.ln().abs());
+                assert!(error.abs() < bound, "{base}^{exponent}: {error:e}");
+            }
         }
     }
 

@@ -3,13 +3,13 @@
 //! At rest the vacuum on the membrane balances the spring, paper eq. (4), and the duty sets the vacuum, eq. (7).
 //! Exhaust force and friction are neglected, as in the paper.
 
-use fmu_export::Number;
+use fmu_export::Float;
 
-use super::variables::ActuatorInverseParameters;
+use super::variables::{ActuatorInverseParameters, Real};
 use crate::elementary::larger;
 
 /// The largest duty (%).
-pub(super) const FULL_DUTY: f64 = 100.0;
+pub(super) const FULL_DUTY: Real = 100.0;
 
 /// A bound on the steps: bisection alone needs some 55 from the duty range to adjacent floats, Newton's method a
 /// handful.
@@ -18,12 +18,12 @@ const MOST_STEPS: usize = 128;
 /// The duty at nominal voltage (%) that holds the wastegate at an opening from 0 (the duty at which it
 /// lifts off) to 1 (full stroke).
 #[must_use]
-pub fn duty(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
+pub fn duty(inverse: &ActuatorInverseParameters, opening: Real) -> Real {
     root(&inverse.pressure_coefficient, chamber_pressure(inverse, opening))
 }
 
 /// The duty (%), or that at which the wastegate lifts off its seat: a smaller one has no more effect.
-pub(super) fn effective_duty(inverse: &ActuatorInverseParameters, duty: f64) -> f64 {
+pub(super) fn effective_duty(inverse: &ActuatorInverseParameters, duty: Real) -> Real {
     let seated = seated_pressure(inverse);
     if pressure_at(inverse, duty) <= seated {
         duty
@@ -33,26 +33,30 @@ pub(super) fn effective_duty(inverse: &ActuatorInverseParameters, duty: f64) -> 
 }
 
 /// The chamber pressure (Pa) at a duty (%): paper, eq. (7).
-pub(super) fn pressure_at(inverse: &ActuatorInverseParameters, duty: f64) -> f64 {
+pub(super) fn pressure_at(inverse: &ActuatorInverseParameters, duty: Real) -> Real {
     inverse.pressure_coefficient.iter().fold(0.0, |sum, coefficient| sum * duty + coefficient)
 }
 
 /// The chamber pressure (Pa) below which the wastegate lifts off its seat.
-pub(super) fn seated_pressure(inverse: &ActuatorInverseParameters) -> f64 {
+pub(super) fn seated_pressure(inverse: &ActuatorInverseParameters) -> Real {
     chamber_pressure(inverse, 0.0)
 }
 
 /// The chamber pressure (Pa) at an opening from 0 to 1.
-fn chamber_pressure(inverse: &ActuatorInverseParameters, opening: f64) -> f64 {
+fn chamber_pressure(inverse: &ActuatorInverseParameters, opening: Real) -> Real {
     let position = opening.clamp(0.0, 1.0) * inverse.stroke;
     let spring = inverse.spring_preload
         + inverse.spring_stiffness * position
-        + inverse.spring_hardening * Number::powi(position, 7);
+        + inverse.spring_hardening * Float::powi(position, 7);
     inverse.ambient_pressure - spring / inverse.membrane_area
 }
 
 /// The duty (%) whose chamber pressure is lower by a difference (Pa) than another duty's (%).
-pub(super) fn duty_at_lower_pressure(inverse: &ActuatorInverseParameters, duty: f64, difference: f64) -> f64 {
+pub(super) fn duty_at_lower_pressure(
+    inverse: &ActuatorInverseParameters,
+    duty: Real,
+    difference: Real,
+) -> Real {
     root(&inverse.pressure_coefficient, pressure_at(inverse, duty) - difference)
 }
 
@@ -60,10 +64,10 @@ pub(super) fn duty_at_lower_pressure(inverse: &ActuatorInverseParameters, duty: 
 ///
 /// Newton's method within a bracket, with bisection if a step would leave it or is more than half the previous one, so
 /// it converges for any coefficients. For a value beyond both ends of the range, the result is the nearer end.
-fn root(coefficients: &[f64; 4], value: f64) -> f64 {
+fn root(coefficients: &[Real; 4], value: Real) -> Real {
     let [k1, k2, k3, k4] = *coefficients;
-    let excess = |duty: f64| ((k1 * duty + k2) * duty + k3) * duty + k4 - value;
-    let slope = |duty: f64| (3.0 * k1 * duty + 2.0 * k2) * duty + k3;
+    let excess = |duty: Real| ((k1 * duty + k2) * duty + k3) * duty + k4 - value;
+    let slope = |duty: Real| (3.0 * k1 * duty + 2.0 * k2) * duty + k3;
     let (at_zero, at_full) = (excess(0.0), excess(FULL_DUTY));
     if at_zero == 0.0 || at_full == 0.0 || (at_zero > 0.0) == (at_full > 0.0) {
         return if at_zero.abs() <= at_full.abs() { 0.0 } else { FULL_DUTY };
@@ -80,9 +84,9 @@ fn root(coefficients: &[f64; 4], value: f64) -> f64 {
         *(if here > 0.0 { &mut above } else { &mut below }) = duty;
         let newton = -here / slope(duty);
         let stays_inside = (duty + newton - above) * (duty + newton - below) < 0.0;
-        let bisection = f64::midpoint(above, below) - duty;
+        let bisection = Real::midpoint(above, below) - duty;
         step = if stays_inside && newton.abs() < 0.5 * step.abs() { newton } else { bisection };
-        if step.abs() <= f64::EPSILON * duty {
+        if step.abs() <= Real::EPSILON * duty {
             break;
         }
         duty += step;
@@ -109,7 +113,7 @@ mod tests {
             for value in [-1e9, -1.0, 0.0, 3e4, 5e4, 1e5, 1e9] {
                 let duty = root(&coefficients, value);
                 assert!((0.0..=FULL_DUTY).contains(&duty), "{coefficients:?} {value}: {duty}");
-                let excess = |duty: f64| coefficients.iter().fold(0.0, |sum, k| sum * duty + k) - value;
+                let excess = |duty: Real| coefficients.iter().fold(0.0, |sum, k| sum * duty + k) - value;
                 if excess(0.0) * excess(FULL_DUTY) < 0.0 {
                     // One ulp of the duty moves the cubic by its slope, at most 3e10 Pa/% here, times
                     // 1.4e-14 %; its terms of 1e12 Pa round to 1e-4 Pa.

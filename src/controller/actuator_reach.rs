@@ -12,7 +12,7 @@ use fmu_export::Persistent;
 
 use super::actuator_inverse::{self, FULL_DUTY};
 use super::diagnosis::OVERBOOST;
-use super::variables::Parameters;
+use super::variables::{Parameters, Real};
 use crate::elementary::{larger, smaller};
 
 /// The memory of the check.
@@ -20,7 +20,7 @@ use crate::elementary::{larger, smaller};
 pub struct ActuatorReach {
     vacuum: Vacuum,
     /// How long boost has been too high (s).
-    excess_time: f64,
+    excess_time: Real,
     /// Whether the vacuum was taken away, so that the other valves limit boost.
     is_lost: bool,
 }
@@ -51,10 +51,10 @@ impl ActuatorReach {
     pub fn is_lost(
         &mut self,
         parameters: &Parameters,
-        (tank_pressure, supply_voltage): (Option<f64>, Option<f64>),
-        holding_duty: impl FnOnce() -> f64,
-        excess: f64,
-        pressure_deficit: f64,
+        (tank_pressure, supply_voltage): (Option<Real>, Option<Real>),
+        holding_duty: impl FnOnce() -> Real,
+        excess: Real,
+        pressure_deficit: Real,
     ) -> bool {
         let &Parameters {
             sample_time,

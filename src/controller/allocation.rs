@@ -8,28 +8,28 @@
 use fmu_export::{Error, Persistent};
 
 use super::compensator::{Compensator, Limits};
-use super::variables::{AllocationParameters, Parameters};
+use super::variables::{AllocationParameters, Parameters, Real};
 use crate::elementary::{larger, smaller};
 
 /// The openings of the other valves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Openings {
     /// The low-pressure wastegate: 0 shut, 1 fully open.
-    pub lp_wastegate: f64,
+    pub lp_wastegate: Real,
     /// The bypass of the high-pressure compressor.
-    pub hp_bypass: f64,
+    pub hp_bypass: Real,
     /// The surge valve.
-    pub surge_valve: f64,
+    pub surge_valve: Real,
 }
 
 /// A ramp between two bounds: 0 up to the lower, 1 from the upper.
-pub(super) fn ramp(value: f64, from: f64, to: f64) -> f64 {
+pub(super) fn ramp(value: Real, from: Real, to: Real) -> Real {
     ((value - from) / (to - from)).clamp(0.0, 1.0)
 }
 
 impl AllocationParameters {
     /// The share of the low-pressure wastegate at an engine speed (rpm).
-    pub(super) fn low_pressure_share(&self, engine_speed: f64) -> f64 {
+    pub(super) fn low_pressure_share(&self, engine_speed: Real) -> Real {
         ramp(engine_speed, self.low_pressure_shut_below, self.low_pressure_free_above)
     }
 
@@ -37,7 +37,7 @@ impl AllocationParameters {
     pub(super) fn limits(
         &self,
         parameters: &Parameters,
-        engine_speed: f64,
+        engine_speed: Real,
         compensator: Compensator,
     ) -> Limits {
         let (least, most) = (parameters.pwm_min, parameters.pwm_max);
@@ -50,7 +50,7 @@ impl AllocationParameters {
 
     /// The virtual duty (%) at which the low-pressure wastegate is fully open.
     #[must_use]
-    pub fn low_pressure_open(&self) -> f64 {
+    pub fn low_pressure_open(&self) -> Real {
         self.low_pressure_start + self.low_pressure_span / (1.0 + self.low_pressure_shape)
     }
 
@@ -59,7 +59,7 @@ impl AllocationParameters {
     /// The low-pressure wastegate follows a hyperbola, since its effect on boost falls as it opens: the gain from
     /// virtual duty to boost pressure hardly changes.
     #[must_use]
-    pub fn openings(&self, virtual_duty: f64, engine_speed: f64) -> Openings {
+    pub fn openings(&self, virtual_duty: Real, engine_speed: Real) -> Openings {
         let (span, beyond) = (self.low_pressure_span, virtual_duty - self.low_pressure_start);
         let curve = if beyond <= 0.0 {
             0.0
@@ -79,23 +79,23 @@ impl AllocationParameters {
 
 /// The time constant (s) with which the bypass shuts for least boost: at once, boost would jump by 10 kPa at 4500 rpm; as
 /// slow as in normal operation, the high-pressure shaft, which it unloads, would overspeed.
-const SHUTS_IN: f64 = 0.1;
+const SHUTS_IN: Real = 0.1;
 
 /// The bypass moves with a lag, since it changes the flow of both compressors at once, before their shafts can follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub(super) struct Bypass {
     /// The opening commanded at the last sample; none before the first.
-    opening: Option<f64>,
+    opening: Option<Real>,
 }
 
 impl Bypass {
     /// The opening commanded at the last sample.
-    pub(super) fn opening(self) -> f64 {
+    pub(super) fn opening(self) -> Real {
         self.opening.unwrap_or_default()
     }
 
     /// The opening at a sample while the bypass shuts for least boost: not before the surge valve has taken its flow.
-    pub(super) fn shut(&mut self, parameters: &Parameters) -> f64 {
+    pub(super) fn shut(&mut self, parameters: &Parameters) -> Real {
         let opening =
             (1.0 - parameters.sample_time / larger(SHUTS_IN, parameters.sample_time)) * self.opening();
         self.opening = Some(opening);
@@ -103,7 +103,7 @@ impl Bypass {
     }
 
     /// The lagged opening at a sample, for a wanted one. It starts at the wanted one.
-    pub(super) fn sample(&mut self, parameters: &Parameters, asked: f64, virtual_duty: f64) -> f64 {
+    pub(super) fn sample(&mut self, parameters: &Parameters, asked: Real, virtual_duty: Real) -> Real {
         let allocation = &parameters.allocation;
         let before = self.opening.unwrap_or(asked);
         let shuts_alone = asked < before && virtual_duty <= allocation.low_pressure_start;
@@ -158,7 +158,7 @@ pub(super) fn check(parameters: &Parameters) -> Result<(), Error> {
     Ok(())
 }
 
-fn refuse_not_below(lower: (&str, f64), upper: (&str, f64), unit: &str) -> Result<(), Error> {
+fn refuse_not_below(lower: (&str, Real), upper: (&str, Real), unit: &str) -> Result<(), Error> {
     if lower.1 < upper.1 {
         return Ok(());
     }

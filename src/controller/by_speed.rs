@@ -16,7 +16,7 @@ use super::feedback::FeedbackSettings;
 use super::feedforward;
 use super::law::{BoostLaw, DutyTerms, Task};
 use super::schedule::{self, OperatingPoint};
-use super::variables::{ControlMode, Inputs, Parameters};
+use super::variables::{ControlMode, Inputs, Parameters, Real};
 use crate::elementary::smaller;
 
 /// The strategy's memory, in addition to the law's.
@@ -103,7 +103,7 @@ impl BySpeed {
 
     /// Whether the high-pressure stage is bypassed at an engine speed (rpm): from the limit, until the speed falls
     /// below it by the hysteresis.
-    fn bypasses(&mut self, parameters: &Parameters, engine_speed: f64) -> bool {
+    fn bypasses(&mut self, parameters: &Parameters, engine_speed: Real) -> bool {
         let until = parameters.lp_wastegate_open_above;
         let from = if self.bypassed { until - parameters.stage_hysteresis } else { until };
         self.bypassed = engine_speed >= until || engine_speed > from;
@@ -122,7 +122,7 @@ impl BySpeed {
 
 /// The low-pressure wastegate opening at an engine speed (rpm) while the high-pressure stage works: shut up to one
 /// limit, fully open at the other, linear between.
-fn lp_wastegate(parameters: &Parameters, engine_speed: f64) -> f64 {
+fn lp_wastegate(parameters: &Parameters, engine_speed: Real) -> Real {
     let (shut, open) = (parameters.lp_wastegate_close_below, parameters.lp_wastegate_open_above);
     if engine_speed <= shut {
         0.0
@@ -137,12 +137,12 @@ fn lp_wastegate(parameters: &Parameters, engine_speed: f64) -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct LowPressureLoop {
     /// The integral term of the opening; none before the first sample.
-    integral: Option<f64>,
+    integral: Option<Real>,
 }
 
 impl LowPressureLoop {
     /// The wastegate opening for a boost error (Pa), positive above the reference. It starts shut.
-    fn sample(&mut self, parameters: &Parameters, error: f64) -> f64 {
+    fn sample(&mut self, parameters: &Parameters, error: Real) -> Real {
         let proportional = parameters.low_pressure_gain * error;
         let integral = self.integral.unwrap_or(-proportional);
         let unlimited = proportional + integral;

@@ -7,15 +7,15 @@ use fmu_export::Persistent;
 
 use super::actuator_inverse::FULL_DUTY;
 use super::estimate::{Level, Measured};
-use super::variables::{ActiveLimit, ControlMode, FeedbackStructure, Parameters, Strategy};
+use super::variables::{ActiveLimit, ControlMode, FeedbackStructure, Parameters, Real, Strategy};
 use crate::elementary::{larger, smaller};
 
 /// The lowest supply voltage (V) compensated for: below it the duty does not grow further.
-const LEAST_VOLTAGE: f64 = 6.0;
+const LEAST_VOLTAGE: Real = 6.0;
 
 /// The lowest supply voltage (V) of the first measurement: in the starting profiles of ISO 16750-2 cranking lowers a 12
 /// V supply to no less than 3 V. Some masters pass zeros to connected inputs at the start.
-const LEAST_MEASUREMENT: f64 = 3.0;
+const LEAST_MEASUREMENT: Real = 3.0;
 
 /// The supply voltage to compensate for, without its noise in the strategy `split_range`, but for the paper's structure:
 /// each movement of the wastegate costs vacuum.
@@ -25,12 +25,12 @@ pub struct SupplyVoltage {
     /// Whether there was a measurement. After the first, a low voltage counts too: the supply fails.
     is_measured: bool,
     /// The last plausible measurement (V), and the one before.
-    plausible: Option<[f64; 2]>,
+    plausible: Option<[Real; 2]>,
 }
 
 impl SupplyVoltage {
     /// Takes an input (V); returns it if there has been a measurement.
-    pub fn measured(&mut self, voltage: f64) -> Option<f64> {
+    pub fn measured(&mut self, voltage: Real) -> Option<Real> {
         self.is_measured |= voltage >= LEAST_MEASUREMENT;
         self.is_measured.then_some(voltage)
     }
@@ -43,9 +43,9 @@ impl SupplyVoltage {
     pub fn compensated(
         &mut self,
         parameters: &Parameters,
-        measured: Option<f64>,
+        measured: Option<Real>,
         is_replaced: bool,
-    ) -> Option<f64> {
+    ) -> Option<Real> {
         let mut voltage = measured?;
         if let Some([last, before]) = self.plausible.filter(|_| is_replaced) {
             let ahead = 2.0 * last - before;
@@ -68,12 +68,12 @@ impl SupplyVoltage {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Compensator {
     /// Duty at this voltage over duty at nominal voltage: paper, eq. (9).
-    pub factor: f64,
+    pub factor: Real,
 }
 
 impl Compensator {
     /// The compensation at a measured supply voltage (V); none without a measurement.
-    pub fn new(parameters: &Parameters, supply_voltage: Option<f64>) -> Self {
+    pub fn new(parameters: &Parameters, supply_voltage: Option<Real>) -> Self {
         let factor = match supply_voltage {
             Some(voltage) if parameters.compensate_voltage => {
                 parameters.nominal_voltage / larger(voltage, LEAST_VOLTAGE)
@@ -84,12 +84,12 @@ impl Compensator {
     }
 
     /// The limits of a duty at nominal voltage: those given (%), and the one at which the actual duty is 100 %.
-    pub fn limits(self, least: f64, most: f64) -> Limits {
+    pub fn limits(self, least: Real, most: Real) -> Limits {
         Limits { least, most: smaller(most, FULL_DUTY / self.factor) }
     }
 
     /// The duty (%) at this voltage equivalent to one at nominal voltage.
-    pub fn compensate(self, duty: f64) -> f64 {
+    pub fn compensate(self, duty: Real) -> Real {
         smaller(duty * self.factor, FULL_DUTY)
     }
 }
@@ -97,18 +97,18 @@ impl Compensator {
 /// Limits of a duty at nominal voltage (%).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    pub least: f64,
-    pub most: f64,
+    pub least: Real,
+    pub most: Real,
 }
 
 impl Limits {
     /// Whether a duty is within the limits.
-    pub fn contain(self, duty: f64) -> bool {
+    pub fn contain(self, duty: Real) -> bool {
         duty >= self.least && duty <= self.most
     }
 
     /// The limit that cuts a duty, if one does.
-    pub fn active(self, duty: f64) -> ActiveLimit {
+    pub fn active(self, duty: Real) -> ActiveLimit {
         if duty < self.least {
             ActiveLimit::DutyMin
         } else if duty > self.most {
@@ -120,7 +120,7 @@ impl Limits {
 
     /// The nearest duty within the limits. At low voltage the upper limit can fall below the lower; then the upper,
     /// physical one applies.
-    pub fn clip(self, duty: f64) -> f64 {
+    pub fn clip(self, duty: Real) -> Real {
         smaller(larger(duty, self.least), self.most)
     }
 }

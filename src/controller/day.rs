@@ -20,24 +20,24 @@
 //! absolute chamber pressure. So the duty is the one whose chamber pressure is lower by the difference in ambient
 //! pressure.
 
-use fmu_export::{Number, Persistent};
+use fmu_export::{Float, Persistent};
 
 use super::actuator_inverse;
-use super::variables::{DayLocals, Inputs, Parameters};
-use crate::elementary::{larger, power};
+use super::variables::{DayLocals, Inputs, Parameters, Real};
+use crate::elementary::{Power, larger};
 
 /// The lowest ambient pressure (Pa) and temperature (K) that are measurements: no road has lower ones.
-const LEAST_PRESSURE: f64 = 40e3;
-const LEAST_TEMPERATURE: f64 = 200.0;
+const LEAST_PRESSURE: Real = 40e3;
+const LEAST_TEMPERATURE: Real = 200.0;
 
 /// (γ − 1)/γ of air.
-const EXPONENT: f64 = 0.4 / 1.4;
+const EXPONENT: Real = 0.4 / 1.4;
 
 /// The lowest pressure ratio to ambient, to stay finite for a measurement of 0.
-const LEAST_RATIO: f64 = 0.1;
+const LEAST_RATIO: Real = 0.1;
 
 /// The lowest pressure (Pa) for converting engine speed, to stay finite for a reference of 0.
-const LEAST_CONVERTED: f64 = 1e3;
+const LEAST_CONVERTED: Real = 1e3;
 
 impl Inputs {
     /// Whether ambient pressure is measured.
@@ -48,7 +48,7 @@ impl Inputs {
 
     /// By how much ambient pressure is below the nominal one (Pa), 0 without a measurement.
     #[must_use]
-    pub fn pressure_deficit(&self, parameters: &Parameters) -> f64 {
+    pub fn pressure_deficit(&self, parameters: &Parameters) -> Real {
         if self.measures_ambient_pressure() {
             parameters.nominal_ambient_pressure - self.ambient_pressure
         } else {
@@ -61,15 +61,15 @@ impl Inputs {
 #[derive(Clone, Copy, Debug, PartialEq, Persistent)]
 pub struct Day {
     /// δ: ambient pressure over its reference value.
-    pressure_ratio: f64,
+    pressure_ratio: Real,
     /// θ: ambient temperature over its reference value.
-    temperature_ratio: f64,
+    temperature_ratio: Real,
     /// τ: work per mass of exhaust over that at reference conditions.
-    work_ratio: f64,
+    work_ratio: Real,
     /// Ambient pressure (Pa).
-    ambient_pressure: f64,
+    ambient_pressure: Real,
     /// By how much ambient pressure is below the reference value (Pa).
-    pressure_deficit: f64,
+    pressure_deficit: Real,
     /// Whether ambient pressure is measured.
     pub is_measured: bool,
 }
@@ -105,7 +105,7 @@ impl Day {
             pressure_ratio,
             temperature_ratio,
             // Flow is proportional to δ / √τ, and τ to flow to the power ε.
-            work_ratio: power(pressure_ratio, exhaust_work_exponent / (1.0 + 0.5 * exhaust_work_exponent)),
+            work_ratio: pressure_ratio.power(exhaust_work_exponent / (1.0 + 0.5 * exhaust_work_exponent)),
             ambient_pressure,
             pressure_deficit: inputs.pressure_deficit(parameters),
             is_measured: inputs.measures_ambient_pressure(),
@@ -113,33 +113,33 @@ impl Day {
     }
 
     /// The pressure at reference conditions that corresponds to one here (Pa).
-    pub fn scheduled_pressure(&self, pressure: f64) -> f64 {
+    pub fn scheduled_pressure(&self, pressure: Real) -> Real {
         self.with_work(pressure, self.temperature_ratio / self.work_ratio) / self.pressure_ratio
     }
 
     /// The pressure here that corresponds to one at reference conditions (Pa).
-    pub fn pressure(&self, scheduled: f64) -> f64 {
+    pub fn pressure(&self, scheduled: Real) -> Real {
         self.with_work(scheduled * self.pressure_ratio, self.work_ratio / self.temperature_ratio)
     }
 
     /// The pressure (Pa) that the compressors reach here with a multiple of the work.
-    fn with_work(&self, pressure: f64, multiple: f64) -> f64 {
+    fn with_work(&self, pressure: Real, multiple: Real) -> Real {
         if multiple == 1.0 {
             return pressure;
         }
         let ratio = larger(pressure / self.ambient_pressure, LEAST_RATIO);
-        let work = multiple * (power(ratio, EXPONENT) - 1.0);
-        self.ambient_pressure * larger(power(larger(1.0 + work, LEAST_RATIO), 1.0 / EXPONENT), LEAST_RATIO)
+        let work = multiple * (ratio.power(EXPONENT) - 1.0);
+        self.ambient_pressure * larger(larger(1.0 + work, LEAST_RATIO).power(1.0 / EXPONENT), LEAST_RATIO)
     }
 
     /// The factor from engine speed to the schedule's, at a pressure here and the corresponding one at reference
     /// conditions (Pa).
-    pub fn speed_factor(&self, pressure: f64, scheduled_pressure: f64) -> f64 {
+    pub fn speed_factor(&self, pressure: Real, scheduled_pressure: Real) -> Real {
         if self.temperature_ratio == 1.0 && self.work_ratio == 1.0 {
             return 1.0;
         }
         let scheduled_pressure = larger(scheduled_pressure, LEAST_CONVERTED);
-        Number::sqrt(self.work_ratio) * (pressure / self.pressure_ratio)
+        Float::sqrt(self.work_ratio) * (pressure / self.pressure_ratio)
             / (self.temperature_ratio * scheduled_pressure)
     }
 
@@ -148,7 +148,7 @@ impl Day {
     ///
     /// Equal shaft speeds mean equal work and equal volume flows of the compressors, which are proportional to engine
     /// speed and pressure ratio.
-    pub fn limit_of_shaft(&self, engine_speed: f64, scheduled: impl Fn(f64) -> f64) -> f64 {
+    pub fn limit_of_shaft(&self, engine_speed: Real, scheduled: impl Fn(Real) -> Real) -> Real {
         let nearly = scheduled(engine_speed) * self.pressure_ratio;
         let factor = self.with_work(nearly, 1.0 / self.temperature_ratio) / nearly;
         let limit = scheduled(engine_speed * factor) * self.pressure_ratio;
@@ -157,8 +157,8 @@ impl Day {
     }
 
     /// The factor of time constants.
-    pub fn time_scale(&self) -> f64 {
-        Number::sqrt(self.work_ratio) / self.pressure_ratio
+    pub fn time_scale(&self) -> Real {
+        Float::sqrt(self.work_ratio) / self.pressure_ratio
     }
 
     /// The variables that show the conditions.
@@ -171,7 +171,7 @@ impl Day {
     }
 
     /// The duty (%) here equivalent to one at reference conditions.
-    pub fn duty(&self, parameters: &Parameters, scheduled: f64) -> f64 {
+    pub fn duty(&self, parameters: &Parameters, scheduled: Real) -> Real {
         if self.pressure_deficit == 0.0 {
             return scheduled;
         }

@@ -10,35 +10,36 @@
 
 use fmu_export::Persistent;
 
+use super::variables::Real;
 use crate::elementary::{larger, smaller};
 
 /// The longest memory (s): noise of 10 rpm leaves 15 rpm/s, 1 % of a fast ramp.
-const LONGEST_MEMORY: f64 = 0.4;
+const LONGEST_MEMORY: Real = 0.4;
 
 /// How a signal is measured.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
     /// The sample time (s).
-    pub sample_time: f64,
+    pub sample_time: Real,
     /// The distance between signal and measurement that noise does not exceed.
-    pub noise: f64,
+    pub noise: Real,
     /// The time (s) in which what the signal moves responds to it, and faster changes of an estimate are of no use.
-    pub response: f64,
+    pub response: Real,
 }
 
 impl Measured {
     /// A time in samples.
-    fn samples(self, time: f64) -> f64 {
+    fn samples(self, time: Real) -> Real {
         time / self.sample_time
     }
 
     /// The longest memory (samples).
-    fn longest(self) -> f64 {
+    fn longest(self) -> Real {
         larger(self.samples(LONGEST_MEMORY), 2.0)
     }
 
     /// The memory (samples) with one more sample.
-    fn longer(self, memory: f64) -> f64 {
+    fn longer(self, memory: Real) -> Real {
         smaller(memory + 1.0, self.longest())
     }
 }
@@ -46,14 +47,14 @@ impl Measured {
 /// A signal that is constant but for steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Level {
-    value: f64,
+    value: Real,
     /// The memory in samples; none in the response time after a step, in which the sensor still moves.
-    memory: f64,
+    memory: Real,
 }
 
 impl Level {
     /// The level at a sample of the signal.
-    pub fn sample(&mut self, measured: Measured, signal: f64) -> f64 {
+    pub fn sample(&mut self, measured: Measured, signal: Real) -> Real {
         let error = signal - self.value;
         self.memory = if error.abs() > measured.noise {
             1.0 - measured.samples(measured.response)
@@ -69,18 +70,18 @@ impl Level {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Line {
     /// The value at the last sample; none before the first.
-    value: Option<f64>,
+    value: Option<Real>,
     /// The rate of change (1/s).
-    rate: f64,
+    rate: Real,
     /// The memory in samples.
-    memory: f64,
+    memory: Real,
     /// The error of the line, filtered with the response time.
-    mean_error: f64,
+    mean_error: Real,
 }
 
 impl Line {
     /// The value and its rate of change (1/s) at a sample of the signal. The line starts level.
-    pub fn sample(&mut self, measured: Measured, signal: f64) -> (f64, f64) {
+    pub fn sample(&mut self, measured: Measured, signal: Real) -> (Real, Real) {
         let before = self.value.unwrap_or(signal);
         let expected = before + measured.sample_time * self.rate;
         let error = signal - expected;

@@ -1,14 +1,15 @@
 //! The feedback: a gain-scheduled PID controller with λ-tuning, filtered derivative of the measurement and tracking
 //! anti-windup (paper, section 6).
 
-use fmu_export::{Number, Persistent};
+use fmu_export::{Float, Persistent};
 
 use super::schedule::LocalModel;
-use crate::elementary::{larger, power};
+use super::variables::Real;
+use crate::elementary::{Power, larger};
 
 /// The minimum tracking time in samples. The paper's `T_tr = √(T_i T_d)` goes to 0 with the delay, and a tracking time
 /// below one sample makes the integral term oscillate; four keep it well damped.
-const LEAST_TRACKING_SAMPLES: f64 = 4.0;
+const LEAST_TRACKING_SAMPLES: Real = 4.0;
 
 /// The settings of the PID controller at an operating point: paper, eq. (12).
 ///
@@ -18,19 +19,19 @@ const LEAST_TRACKING_SAMPLES: f64 = 4.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeedbackSettings {
     /// K (%/Pa).
-    pub gain: f64,
+    pub gain: Real,
     /// `K / T_i` (%/(Pa s)).
-    pub integral_gain: f64,
+    pub integral_gain: Real,
     /// `T_i` (s).
-    pub integral_time: f64,
+    pub integral_time: Real,
     /// `T_d` (s).
-    pub derivative_time: f64,
+    pub derivative_time: Real,
 }
 
 impl FeedbackSettings {
     /// λ-tuning for a local model; λ (s) is the desired closed-loop time constant.
     #[must_use]
-    pub fn new(model: &LocalModel, lambda: f64) -> Self {
+    pub fn new(model: &LocalModel, lambda: Real) -> Self {
         let half_delay = model.delay / 2.0;
         let integral_time = model.time_constant + half_delay;
         let integral_gain = 1.0 / ((half_delay + lambda) * model.gain);
@@ -44,13 +45,13 @@ impl FeedbackSettings {
 
     /// Adds a lead (s) to the derivative term for a lag beyond the local model's delay.
     #[must_use]
-    pub fn with_lead(self, lead: f64) -> Self {
+    pub fn with_lead(self, lead: Real) -> Self {
         Self { derivative_time: self.derivative_time + lead, ..self }
     }
 
     /// The tracking time `T_tr` of paper, section 6, at least four samples (s).
-    fn tracking_time(&self, sample_time: f64) -> f64 {
-        larger(Number::sqrt(self.integral_time * self.derivative_time), LEAST_TRACKING_SAMPLES * sample_time)
+    fn tracking_time(&self, sample_time: Real) -> Real {
+        larger(Float::sqrt(self.integral_time * self.derivative_time), LEAST_TRACKING_SAMPLES * sample_time)
     }
 }
 
@@ -58,28 +59,28 @@ impl FeedbackSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Pid {
     /// The integral term (%).
-    pub integral: f64,
+    pub integral: Real,
     /// The derivative term (%).
-    pub derivative: f64,
+    pub derivative: Real,
     /// The boost pressure at the last sample (Pa).
-    measurement: f64,
+    measurement: Real,
 }
 
 impl Pid {
     /// A controller at rest at a boost pressure (Pa).
     #[must_use]
-    pub fn at(measurement: f64) -> Self {
+    pub fn at(measurement: Real) -> Self {
         Self { integral: 0.0, derivative: 0.0, measurement }
     }
 
     /// Converts all pressures (Pa).
-    pub(super) fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
+    pub(super) fn convert(&mut self, pressure: impl Fn(Real) -> Real) {
         self.measurement = pressure(self.measurement);
     }
 
     /// Rescales the integral term for a changed engine gain: by the gain before over that after, to an exponent.
-    pub fn rescale(&mut self, ratio: f64, exponent: f64) {
-        self.integral *= power(ratio, exponent);
+    pub fn rescale(&mut self, ratio: Real, exponent: Real) {
+        self.integral *= ratio.power(exponent);
     }
 
     /// Updates the derivative term with the measurement (Pa) of a new sample.
@@ -89,9 +90,9 @@ impl Pid {
     pub fn differentiate(
         &mut self,
         tuning: &FeedbackSettings,
-        filter: f64,
-        sample_time: f64,
-        measurement: f64,
+        filter: Real,
+        sample_time: Real,
+        measurement: Real,
     ) {
         let pole = tuning.derivative_time / (tuning.derivative_time + filter * sample_time);
         let change = measurement - self.measurement;
@@ -101,7 +102,7 @@ impl Pid {
 
     /// Updates the integral term (%) for the next sample with the error (Pa) and, as anti-windup, the effect of the
     /// limits on the duty (%, limited minus unlimited).
-    pub fn integrate(&mut self, tuning: &FeedbackSettings, sample_time: f64, error: f64, cut: f64) {
+    pub fn integrate(&mut self, tuning: &FeedbackSettings, sample_time: Real, error: Real, cut: Real) {
         self.integral += sample_time * tuning.integral_gain * error
             + sample_time / tuning.tracking_time(sample_time) * cut;
     }

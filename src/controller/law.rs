@@ -9,26 +9,26 @@ use super::compensator::Limits;
 use super::feedback::{FeedbackSettings, Pid};
 use super::reference_model::ReferenceModel;
 use super::schedule::OperatingPoint;
-use super::variables::{FeedbackStructure, Parameters};
+use super::variables::{FeedbackStructure, Parameters, Real};
 
 /// A duty at nominal voltage as the sum of its terms (%).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DutyTerms {
-    pub feedforward: f64,
-    pub proportional: f64,
-    pub integral: f64,
-    pub derivative: f64,
+    pub feedforward: Real,
+    pub proportional: Real,
+    pub integral: Real,
+    pub derivative: Real,
     /// The boost pressure (Pa) used by the feedback for comparison.
-    pub reference_model_pressure: f64,
+    pub reference_model_pressure: Real,
 }
 
 impl DutyTerms {
     /// A duty without feedback.
-    pub fn feedforward(duty: f64, reference_model_pressure: f64) -> Self {
+    pub fn feedforward(duty: Real, reference_model_pressure: Real) -> Self {
         Self { feedforward: duty, reference_model_pressure, ..Self::default() }
     }
 
-    pub fn duty(&self) -> f64 {
+    pub fn duty(&self) -> Real {
         self.feedforward + self.proportional + self.integral + self.derivative
     }
 }
@@ -37,18 +37,18 @@ impl DutyTerms {
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a, const COLUMNS: usize> {
     /// The boost pressure reference (Pa).
-    pub reference: f64,
+    pub reference: Real,
     /// The measured boost pressure (Pa).
-    pub measurement: f64,
+    pub measurement: Real,
     /// The schedule at the reference.
     pub operating_point: OperatingPoint<'a, COLUMNS>,
     /// The duty (%) that holds the reference model's pressure, if not the duty at rest.
-    pub holding: Option<f64>,
+    pub holding: Option<Real>,
     /// λ of the reference model (s).
-    pub model_lambda: f64,
+    pub model_lambda: Real,
     pub feedback: FeedbackSettings,
     /// Derivative time over the time constant of the derivative filter.
-    pub derivative_filter: f64,
+    pub derivative_filter: Real,
     pub limits: Limits,
     /// The limits without those that protect the shaft.
     pub own_limits: Limits,
@@ -60,18 +60,18 @@ pub struct Task<'a, const COLUMNS: usize> {
     /// authority is limited.
     pub knows_ambient_pressure: bool,
     /// The exponent for rescaling the integral term with the engine's gain: 0 keeps it as a duty, 1 as a pressure.
-    pub integral_exponent: f64,
+    pub integral_exponent: Real,
     /// Whether the measurement is one, and not what the law expects, from which the integral term would learn nothing.
     pub is_measured: bool,
     /// How far the integral term may move boost at rest by the schedule (Pa), if it is limited.
-    pub authority: Option<f64>,
+    pub authority: Option<Real>,
 }
 
 /// What the integral term corrects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Correction {
     /// How far the integral term moves boost at rest (Pa).
-    pub pressure: f64,
+    pub pressure: Real,
     /// Whether the integral term is at the limit of its authority.
     pub is_exhausted: bool,
 }
@@ -82,15 +82,15 @@ pub struct BoostLaw {
     pid: Pid,
     reference_model: ReferenceModel,
     /// The reference model's gain at the last sample (Pa/%), if the integral term is rescaled.
-    gain: Option<f64>,
+    gain: Option<Real>,
     /// The part of the duty without effect at the last sample, cut off by its own limits or by the seat (%).
-    blocked: f64,
+    blocked: Real,
     correction: Correction,
 }
 
 impl BoostLaw {
     /// A controller at rest at a boost pressure (Pa).
-    pub fn at(boost_pressure: f64) -> Self {
+    pub fn at(boost_pressure: Real) -> Self {
         Self {
             pid: Pid::at(boost_pressure),
             reference_model: ReferenceModel::at(boost_pressure),
@@ -99,29 +99,29 @@ impl BoostLaw {
     }
 
     /// The law with an integral term (%).
-    pub fn with_integral(mut self, integral: f64) -> Self {
+    pub fn with_integral(mut self, integral: Real) -> Self {
         self.pid.integral = integral;
         self
     }
 
     /// Converts all pressures (Pa).
-    pub fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
+    pub fn convert(&mut self, pressure: impl Fn(Real) -> Real) {
         self.pid.convert(&pressure);
         self.reference_model.convert(&pressure);
     }
 
     /// The boost pressure of the reference model (Pa).
-    pub fn model_pressure(&self) -> f64 {
+    pub fn model_pressure(&self) -> Real {
         self.reference_model.pressure
     }
 
     /// The boost pressure (Pa) that a sound sensor should measure.
-    pub fn expected_measurement(&self) -> f64 {
+    pub fn expected_measurement(&self) -> Real {
         self.reference_model.expected_measurement()
     }
 
     /// The part of the duty cut off by its own limits at the last sample (%), by which the integral term winds down.
-    pub fn blocked(&self) -> f64 {
+    pub fn blocked(&self) -> Real {
         self.blocked
     }
 

@@ -65,12 +65,13 @@ use schedule::Schedule;
 use split_range::SplitRange;
 use tank_relay::TankRelay;
 use variables::{
-    ActiveLimit, ControlMode, FeedbackStructure, Inputs, Locals, Outputs, Parameters, Strategy, Variables,
+    ActiveLimit, ControlMode, FeedbackStructure, Inputs, Locals, Outputs, Parameters, Real, Strategy,
+    Variables,
 };
 
 /// The lowest boost pressure (Pa) that is a measurement. Some masters pass zeros to connected inputs in their first
 /// step, and no engine runs with a fifth of ambient pressure upstream of its throttle.
-const LEAST_MEASUREMENT: f64 = 20e3;
+const LEAST_MEASUREMENT: Real = 20e3;
 
 /// The valves besides the high-pressure wastegate, for least boost.
 const LEAST_BOOST: Openings = Openings { lp_wastegate: 1.0, hp_bypass: 0.0, surge_valve: 1.0 };
@@ -88,16 +89,16 @@ pub struct ControlLaw {
     diagnosis: Diagnosis,
     /// The integral term (%) when boost pressure last changed with the engine running: what a sensor taught that was
     /// alive.
-    learnt_integral: f64,
+    learnt_integral: Real,
 }
 
 /// What a calibrator sees of the limits and conditions behind a command.
 #[derive(Clone, Copy, Debug, Default)]
 struct Conditions {
     /// The limit of the boost pressure reference (Pa).
-    reference_limit: f64,
+    reference_limit: Real,
     /// The firmness of the feedback.
-    firmness: f64,
+    firmness: Real,
     day: Day,
     /// The limit in effect.
     active_limit: ActiveLimit,
@@ -110,7 +111,7 @@ struct Command {
     /// The limits of the sum of the terms.
     limits: Limits,
     /// The duty of the high-pressure wastegate's valve at nominal voltage (%).
-    hp_duty: f64,
+    hp_duty: Real,
     openings: Openings,
     conditions: Conditions,
 }
@@ -143,7 +144,7 @@ impl Sampled for ControlLaw {
     const LONGEST_STEP: f64 = LONGEST_STEP;
 
     fn period(variables: &Variables) -> f64 {
-        variables.parameters.sample_time
+        f64::from(variables.parameters.sample_time)
     }
 
     fn check_parameters(variables: &Variables) -> Result<(), Error> {
@@ -247,7 +248,7 @@ impl ControlLaw {
         &mut self,
         parameters: &Parameters,
         inputs: &Inputs,
-        supply_voltage: Option<f64>,
+        supply_voltage: Option<Real>,
         boost_control: BoostControl,
     ) -> bool {
         let tank_pressure = self.diagnosis.tank_pressure(inputs);
@@ -339,7 +340,7 @@ impl ControlLaw {
     }
 
     /// The law at rest at a boost pressure (Pa).
-    fn law_at(&self, parameters: &Parameters, boost_pressure: f64) -> BoostLaw {
+    fn law_at(&self, parameters: &Parameters, boost_pressure: Real) -> BoostLaw {
         match parameters.strategy {
             Strategy::SplitRange => self.split_range.law_at(boost_pressure),
             Strategy::BySpeed => BoostLaw::at(boost_pressure),
@@ -347,7 +348,7 @@ impl ControlLaw {
     }
 
     /// The boost pressure (Pa) that a sound sensor should measure.
-    fn expected_measurement(&self, parameters: &Parameters, law: &BoostLaw) -> f64 {
+    fn expected_measurement(&self, parameters: &Parameters, law: &BoostLaw) -> Real {
         match parameters.strategy {
             Strategy::SplitRange => self.split_range.expected_measurement(law),
             Strategy::BySpeed => law.expected_measurement(),
@@ -415,7 +416,7 @@ fn publish(
     let Command { terms, limits, hp_duty, openings, conditions } = command;
     let duty = terms.duty();
     outputs.hp_wastegate_pwm = compensator.compensate(*hp_duty);
-    outputs.vacuum_pump = f64::from(u8::from(vacuum_pump));
+    outputs.vacuum_pump = Real::from(u8::from(vacuum_pump));
     outputs.lp_wastegate = openings.lp_wastegate;
     outputs.hp_bypass = openings.hp_bypass;
     outputs.surge_valve = openings.surge_valve;

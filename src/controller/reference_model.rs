@@ -9,36 +9,37 @@
 use fmu_export::Persistent;
 
 use super::schedule::OperatingPoint;
+use super::variables::Real;
 use crate::elementary::larger;
 
 /// The state of the reference model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct ReferenceModel {
     /// `y_m`: its boost pressure (Pa).
-    pub pressure: f64,
+    pub pressure: Real,
     /// `y_d`: the same, delayed like the engine (Pa); none before the first sample.
-    delayed: Option<f64>,
+    delayed: Option<Real>,
 }
 
 /// The reference model at one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Linearized {
     /// The duty at nominal voltage (%) that would hold the model's boost pressure.
-    holding: f64,
+    holding: Real,
     /// `K_p`: the static gain from duty to the model's boost pressure (Pa/%).
-    pub gain: f64,
+    pub gain: Real,
     /// `K_p / T_tf`: the initial rate of change per duty (Pa/(% s)).
-    slope: f64,
+    slope: Real,
 }
 
 impl ReferenceModel {
     /// A model at rest at a boost pressure (Pa).
-    pub fn at(pressure: f64) -> Self {
+    pub fn at(pressure: Real) -> Self {
         Self { pressure, delayed: None }
     }
 
     /// Converts all pressures (Pa).
-    pub fn convert(&mut self, pressure: impl Fn(f64) -> f64) {
+    pub fn convert(&mut self, pressure: impl Fn(Real) -> Real) {
         self.pressure = pressure(self.pressure);
         self.delayed = self.delayed.map(pressure);
     }
@@ -48,7 +49,7 @@ impl ReferenceModel {
     pub fn linearize<const COLUMNS: usize>(
         &self,
         operating_point: OperatingPoint<'_, COLUMNS>,
-        holding: Option<f64>,
+        holding: Option<Real>,
     ) -> Linearized {
         let here = operating_point.at_pressure(self.pressure);
         let local = here.local_model();
@@ -61,22 +62,22 @@ impl ReferenceModel {
 
     /// The duty at nominal voltage (%) that drives the model to the reference (Pa) with the time constant
     /// λ (s).
-    pub fn feedforward(&self, model: &Linearized, reference: f64, lambda: f64) -> f64 {
+    pub fn feedforward(&self, model: &Linearized, reference: Real, lambda: Real) -> Real {
         model.holding + (reference - self.pressure) / lambda / model.slope
     }
 
     /// The pressure (Pa) that the engine should have: the delayed model's.
-    pub fn expected_measurement(&self) -> f64 {
+    pub fn expected_measurement(&self) -> Real {
         self.delayed.unwrap_or(self.pressure)
     }
 
     /// The excess of the delayed model over a measurement (Pa). The model starts at the measurement, hence at 0.
-    pub fn error(&self, measurement: f64) -> f64 {
+    pub fn error(&self, measurement: Real) -> Real {
         self.delayed.map_or(0.0, |delayed| delayed - measurement)
     }
 
     /// Moves the model a share of the way to a measurement (Pa).
-    pub fn approach(&mut self, measurement: f64, share: f64) {
+    pub fn approach(&mut self, measurement: Real, share: Real) {
         let shift = share * self.error(measurement);
         self.pressure -= shift;
         self.delayed = self.delayed.map(|delayed| delayed - shift);
@@ -84,7 +85,7 @@ impl ReferenceModel {
 
     /// Advances to the next sample with the limited feedforward duty (%). The delay (s) is approximated by a first-order
     /// lag of equal time.
-    pub fn advance(&mut self, model: &Linearized, duty: f64, delay: f64, sample_time: f64) {
+    pub fn advance(&mut self, model: &Linearized, duty: Real, delay: Real, sample_time: Real) {
         let delayed = self.delayed.unwrap_or(self.pressure);
         let lag = larger(delay, sample_time);
         self.delayed = Some(delayed + sample_time / lag * (self.pressure - delayed));

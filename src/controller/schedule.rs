@@ -8,7 +8,7 @@
 use fmu_export::Error;
 
 use super::compensator::Limits;
-use super::variables::{RangeScheduleParameters, ScheduleParameters};
+use super::variables::{RangeScheduleParameters, Real, ScheduleParameters};
 use crate::elementary::{between, larger, smaller};
 
 /// The number of boost pressures of a schedule.
@@ -17,12 +17,12 @@ const ROWS: usize = 16;
 /// A strategy's maps over a common grid.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule<'a, const COLUMNS: usize> {
-    engine_speed: &'a [f64; COLUMNS],
-    boost_pressure: &'a [f64; ROWS],
-    duty: &'a [[f64; COLUMNS]; ROWS],
-    gain: &'a [[f64; COLUMNS]; ROWS],
-    time_constant: &'a [[f64; COLUMNS]; ROWS],
-    delay: &'a [[f64; COLUMNS]; ROWS],
+    engine_speed: &'a [Real; COLUMNS],
+    boost_pressure: &'a [Real; ROWS],
+    duty: &'a [[Real; COLUMNS]; ROWS],
+    gain: &'a [[Real; COLUMNS]; ROWS],
+    time_constant: &'a [[Real; COLUMNS]; ROWS],
+    delay: &'a [[Real; COLUMNS]; ROWS],
 }
 
 impl<'a> From<&'a ScheduleParameters> for Schedule<'a, 7> {
@@ -56,11 +56,11 @@ impl<'a> From<&'a RangeScheduleParameters> for Schedule<'a, 12> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalModel {
     /// `K_p`: the static gain from duty at nominal voltage to boost pressure (Pa/%).
-    pub gain: f64,
+    pub gain: Real,
     /// `T_tf` (s).
-    pub time_constant: f64,
+    pub time_constant: Real,
     /// L (s).
-    pub delay: f64,
+    pub delay: Real,
 }
 
 /// A position on a grid axis, between a grid point and the next.
@@ -69,7 +69,7 @@ struct GridPosition {
     /// The grid point below; not the last one.
     below: usize,
     /// The fraction of the interval to the next one: 0 to 1.
-    fraction: f64,
+    fraction: Real,
 }
 
 /// The elements at a grid point that is not the last one, and at the next. An ECU must not panic: the index is within
@@ -83,7 +83,7 @@ fn pair<T, const POINTS: usize>(values: &[T; POINTS], below: usize) -> [&T; 2] {
 impl GridPosition {
     /// The position of a value on an axis of at least two points, clamped at the edges.
     #[inline]
-    fn on<const POINTS: usize>(axis: &[f64; POINTS], value: f64) -> Self {
+    fn on<const POINTS: usize>(axis: &[Real; POINTS], value: Real) -> Self {
         // Linear search: the axes are short and the position rarely changes, so branch prediction works well.
         let mut below = 0;
         while below + 2 < POINTS && axis[below + 1] <= value {
@@ -100,7 +100,7 @@ impl GridPosition {
 
 /// Linear interpolation over one axis, clamped at its edges.
 #[must_use]
-pub fn interpolate<const POINTS: usize>(axis: &[f64; POINTS], values: &[f64; POINTS], at: f64) -> f64 {
+pub fn interpolate<const POINTS: usize>(axis: &[Real; POINTS], values: &[Real; POINTS], at: Real) -> Real {
     let GridPosition { below, fraction } = GridPosition::on(axis, at);
     let [&before, &after] = pair(values, below);
     (1.0 - fraction) * before + fraction * after
@@ -113,24 +113,24 @@ pub struct OperatingPoint<'a, const COLUMNS: usize> {
     row: GridPosition,
     column: GridPosition,
     /// The weights of the four surrounding grid points: the row below, then the next row.
-    weights: [f64; 4],
+    weights: [Real; 4],
     /// The factor of time constants.
-    time_scale: f64,
+    time_scale: Real,
     /// What is added to the schedule's delays (s).
-    lag: f64,
+    lag: Real,
 }
 
 impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     /// The operating point of a boost pressure (Pa) at an engine speed (rpm).
     #[must_use]
     #[inline]
-    pub fn new(schedule: impl Into<Schedule<'a, COLUMNS>>, boost_pressure: f64, engine_speed: f64) -> Self {
+    pub fn new(schedule: impl Into<Schedule<'a, COLUMNS>>, boost_pressure: Real, engine_speed: Real) -> Self {
         let schedule = schedule.into();
         Self::at(schedule, boost_pressure, GridPosition::on(schedule.engine_speed, engine_speed))
     }
 
     #[inline]
-    fn at(schedule: Schedule<'a, COLUMNS>, boost_pressure: f64, column: GridPosition) -> Self {
+    fn at(schedule: Schedule<'a, COLUMNS>, boost_pressure: Real, column: GridPosition) -> Self {
         let row = GridPosition::on(schedule.boost_pressure, boost_pressure);
         let (y, x) = (row.fraction, column.fraction);
         let weights = [(1.0 - y) * (1.0 - x), (1.0 - y) * x, y * (1.0 - x), y * x];
@@ -139,14 +139,14 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
 
     /// The operating point with time constants longer by a factor, and delays by a lag (s).
     #[must_use]
-    pub fn slower(self, time_scale: f64, lag: f64) -> Self {
+    pub fn slower(self, time_scale: Real, lag: Real) -> Self {
         Self { time_scale, lag, ..self }
     }
 
     /// The operating point of another boost pressure (Pa) at the same engine speed.
     #[must_use]
     #[inline]
-    pub fn at_pressure(self, boost_pressure: f64) -> Self {
+    pub fn at_pressure(self, boost_pressure: Real) -> Self {
         Self::at(self.schedule, boost_pressure, self.column).slower(self.time_scale, self.lag)
     }
 
@@ -154,14 +154,14 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     /// paper's fig. 12.
     #[must_use]
     #[inline]
-    pub fn feedforward(self) -> f64 {
+    pub fn feedforward(self) -> Real {
         self.interpolate(self.schedule.duty)
     }
 
     /// The duty (%) that holds another boost pressure (Pa) at the same engine speed, extrapolated beyond the rows with
     /// the gain at the edge.
     #[must_use]
-    pub fn extrapolated_feedforward(self, boost_pressure: f64) -> f64 {
+    pub fn extrapolated_feedforward(self, boost_pressure: Real) -> Real {
         let [first, .., last] = *self.schedule.boost_pressure;
         let here = self.at_pressure(boost_pressure);
         let beyond = boost_pressure - smaller(larger(boost_pressure, first), last);
@@ -170,7 +170,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
 
     /// The range of a correction of the duty (%) that moves boost at rest from a pressure by at most another (Pa).
     #[must_use]
-    pub fn correction(self, boost_pressure: f64, most: f64) -> Limits {
+    pub fn correction(self, boost_pressure: Real, most: Real) -> Limits {
         let at = |pressure| self.extrapolated_feedforward(pressure);
         let held = at(boost_pressure);
         Limits { least: at(boost_pressure + most) - held, most: at(boost_pressure - most) - held }
@@ -179,10 +179,10 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     /// The boost pressure (Pa) that a duty (%) holds at rest at the same engine speed: the inverse map. A duty beyond
     /// the map or in its filled, unreachable part gives the pressure at the edge.
     #[must_use]
-    pub fn pressure_held_by(self, duty: f64) -> f64 {
+    pub fn pressure_held_by(self, duty: Real) -> Real {
         let rows = self.schedule.boost_pressure;
         let (column, share) = (self.column.below, self.column.fraction);
-        let duty_of = |duties: &[f64; COLUMNS]| {
+        let duty_of = |duties: &[Real; COLUMNS]| {
             let [&left, &right] = pair(duties, column);
             between(left, right, share)
         };
@@ -215,7 +215,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
 
     /// The share of the way to the schedule's pressure that an engine goes in a sample (s).
     #[must_use]
-    pub fn share_of_lag(self, sample_time: f64) -> f64 {
+    pub fn share_of_lag(self, sample_time: Real) -> Real {
         let local = self.local_model();
         sample_time / larger(local.time_constant + local.delay, sample_time)
     }
@@ -223,7 +223,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
     /// The value of a table over the schedule's grid.
     #[must_use]
     #[inline]
-    pub fn interpolate(self, table: &[[f64; COLUMNS]; ROWS]) -> f64 {
+    pub fn interpolate(self, table: &[[Real; COLUMNS]; ROWS]) -> Real {
         let (row, column) = (self.row.below, self.column.below);
         let [below, next] = pair(table, row).map(|row| pair(row, column).map(|&value| value));
         let [a, b, c, d] = self.weights;
@@ -233,7 +233,7 @@ impl<'a, const COLUMNS: usize> OperatingPoint<'a, COLUMNS> {
 
 /// The smallest magnitude of a gain (Pa/%) distinguished from 0. The feedback divides by the gain: below this, 1 kPa of
 /// error would demand a million percent of duty.
-const LEAST_GAIN: f64 = 1e-3;
+const LEAST_GAIN: Real = 1e-3;
 
 /// Rejects a non-increasing grid, and gains that are 0 or change sign, since interpolation would pass through 0.
 ///
@@ -265,7 +265,7 @@ pub fn check<'a, const COLUMNS: usize>(
     Ok(())
 }
 
-fn refuse_not_increasing(component: &str, name: &str, axis: &[f64]) -> Result<(), Error> {
+fn refuse_not_increasing(component: &str, name: &str, axis: &[Real]) -> Result<(), Error> {
     let mut pairs = (1..).zip(axis.iter().zip(axis.iter().skip(1)));
     pairs.find(|(_, (below, above))| below >= above).map_or(Ok(()), |(number, (below, above))| {
         Err(Error::new(format_args!(

@@ -22,44 +22,44 @@ use super::allocation::ramp;
 use super::day::Day;
 use super::lag::Lag;
 use super::schedule;
-use super::variables::{Inputs, Parameters, RangeScheduleParameters, ShaftSpeedLimitParameters};
+use super::variables::{Inputs, Parameters, RangeScheduleParameters, Real, ShaftSpeedLimitParameters};
 use crate::elementary::{larger, smaller};
 
 /// The lowest speed (rpm) that is a measurement: below it, the limit is out of reach.
-const LEAST_MEASUREMENT: f64 = 1e3;
+const LEAST_MEASUREMENT: Real = 1e3;
 
 /// The excess speeds (rpm) at which the bypass starts to shut and is shut: with 209.1 krpm, at 201.1 and 205.1 krpm.
 /// Closer to the maximum speed it would stay partly open on a shaft that turns too fast.
-const BYPASS_SHUTS: (f64, f64) = (-8e3, -4e3);
+const BYPASS_SHUTS: (Real, Real) = (-8e3, -4e3);
 
 /// The excess speeds (rpm) at which the other valves start to wait for the high-pressure wastegate, and wait until it
 /// is open: with 209.1 krpm, at 205.1 and 207.1 krpm.
-const OTHERS_WAIT: (f64, f64) = (-4e3, -2e3);
+const OTHERS_WAIT: (Real, Real) = (-4e3, -2e3);
 
 /// The filter of the rate of change (s): a fraction of `lead_time`.
-const RATE_FILTER: f64 = 0.05;
+const RATE_FILTER: Real = 0.05;
 
 /// The margin below the speed at rest (rpm) that counts as near. There boost is extrapolated with the contribution of
 /// the high-pressure shaft alone, which follows at once: with more, the limit oscillates.
-const NEAR_LIMIT: f64 = 5e3;
+const NEAR_LIMIT: Real = 5e3;
 
 /// Boost per speed of the high-pressure shaft at rest over that at once, as the low-pressure shaft adds to boost, too:
 /// what boost gains up to the limit from far below it, and loses on the way back from above.
-const BOTH_SHAFTS: f64 = 4.0;
+const BOTH_SHAFTS: Real = 4.0;
 
 /// The largest correction of the pressure limit (Pa): a stuck sensor must not disable it.
-const LARGEST_CORRECTION: f64 = 60e3;
+const LARGEST_CORRECTION: Real = 60e3;
 
 /// The lowest boost pressure limit (Pa) beyond the schedule's columns.
-const LEAST_LIMIT: f64 = 50e3;
+const LEAST_LIMIT: Real = 50e3;
 
 /// A speed (rpm) that is a measurement.
-fn measured(speed: f64) -> Option<f64> {
+fn measured(speed: Real) -> Option<Real> {
     (speed >= LEAST_MEASUREMENT).then_some(speed)
 }
 
 /// The schedule's boost pressure limit for the shaft at rest (Pa, at reference conditions) at an engine speed (rpm).
-pub fn scheduled_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
+pub fn scheduled_limit(parameters: &Parameters, engine_speed: Real) -> Real {
     let maps = &parameters.range_schedule;
     schedule::interpolate(&maps.engine_speed, &maps.boost_limit, engine_speed)
 }
@@ -68,7 +68,7 @@ pub fn scheduled_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
 ///
 /// Where the schedule has the absolute limit instead, and beyond its columns, it is extrapolated from the nearest two
 /// columns.
-fn uncapped_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
+fn uncapped_limit(parameters: &Parameters, engine_speed: Real) -> Real {
     let RangeScheduleParameters { engine_speed: speeds, boost_limit: limits, .. } =
         &parameters.range_schedule;
     let columns = speeds.len();
@@ -87,7 +87,7 @@ fn uncapped_limit(parameters: &Parameters, engine_speed: f64) -> f64 {
 /// The boost pressure margin (Pa) to the speed at rest, from the measured speed (rpm); or if larger, the margin to the
 /// high-pressure wastegate fully open, from the virtual duty (%) and its gain (Pa/%), minus the excess over the maximum
 /// speed.
-fn margin(parameters: &Parameters, speed: f64, virtual_duty: f64, gain: f64) -> f64 {
+fn margin(parameters: &Parameters, speed: Real, virtual_duty: Real, gain: Real) -> Real {
     let &ShaftSpeedLimitParameters { speed: most, speed_at_rest, boost_per_speed, .. } =
         &parameters.shaft_speed_limit;
     let left = speed_at_rest - speed;
@@ -101,7 +101,7 @@ fn margin(parameters: &Parameters, speed: f64, virtual_duty: f64, gain: f64) -> 
 pub struct ShaftSpeedLimit {
     speed: Lag,
     /// The correction of the schedule's pressure limit (Pa).
-    correction: f64,
+    correction: Real,
 }
 
 impl ShaftSpeedLimit {
@@ -112,9 +112,9 @@ impl ShaftSpeedLimit {
         parameters: &Parameters,
         day: &Day,
         inputs: &Inputs,
-        speed_to_come: f64,
-        (virtual_duty, gain): (f64, impl Fn() -> f64),
-    ) -> Option<f64> {
+        speed_to_come: Real,
+        (virtual_duty, gain): (Real, impl Fn() -> Real),
+    ) -> Option<Real> {
         let shaft_speed = measured(inputs.hp_turbo_speed)?;
         let at = |speed| day.limit_of_shaft(speed, |speed| uncapped_limit(parameters, speed));
         let here = at(inputs.engine_speed);
@@ -126,7 +126,7 @@ impl ShaftSpeedLimit {
 
     /// Updates the correction of the schedule's pressure limit (Pa), from the excess of the boost pressure allowed by
     /// the shaft (Pa) and the measured speed (rpm).
-    fn correct(&mut self, parameters: &Parameters, above: f64, speed: f64) -> f64 {
+    fn correct(&mut self, parameters: &Parameters, above: Real, speed: Real) -> Real {
         let &ShaftSpeedLimitParameters { speed: most, speed_at_rest, correction_time, .. } =
             &parameters.shaft_speed_limit;
         let asked = if above < 0.0 {
@@ -141,7 +141,7 @@ impl ShaftSpeedLimit {
     }
 
     /// The excess of the predicted speed over the maximum (rpm), if the speed (rpm) is measured.
-    pub fn excess(&mut self, parameters: &Parameters, speed: f64) -> Option<f64> {
+    pub fn excess(&mut self, parameters: &Parameters, speed: Real) -> Option<Real> {
         let speed = measured(speed)?;
         let &ShaftSpeedLimitParameters { speed: most, lead_time, .. } = &parameters.shaft_speed_limit;
         let rate = self.speed.rate(parameters.sample_time, RATE_FILTER, speed);
@@ -151,19 +151,19 @@ impl ShaftSpeedLimit {
 
 /// The minimum virtual duty (%) at an excess speed (rpm), from the duty that holds the maximum speed at rest; at most
 /// the one that fully opens the high-pressure wastegate.
-pub fn least_duty(parameters: &Parameters, excess: f64, holding_duty: f64) -> f64 {
+pub fn least_duty(parameters: &Parameters, excess: Real, holding_duty: Real) -> Real {
     smaller(holding_duty + parameters.shaft_speed_limit.gain * excess, parameters.pwm_max)
 }
 
 /// The share of the bypass that stays open at an excess speed (rpm), since an open bypass unloads the shaft.
-pub fn bypass_share(excess: f64) -> f64 {
+pub fn bypass_share(excess: Real) -> Real {
     let (begin, end) = BYPASS_SHUTS;
     1.0 - ramp(excess, begin, end)
 }
 
 /// The virtual duty (%) for the other valves at an excess speed (rpm): near the limit the high-pressure wastegate opens
 /// fully before they start to, since opening them lowers boost but hardly slows the shaft.
-pub fn duty_of_other_valves(parameters: &Parameters, excess: f64, virtual_duty: f64) -> f64 {
+pub fn duty_of_other_valves(parameters: &Parameters, excess: Real, virtual_duty: Real) -> Real {
     let &Parameters { pwm_max, ref allocation, .. } = parameters;
     let (start, open) = (allocation.low_pressure_start, allocation.low_pressure_open());
     let (begin, end) = OTHERS_WAIT;

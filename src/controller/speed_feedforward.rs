@@ -5,7 +5,7 @@
 //! the one that holds a pressure higher by that at rest.
 
 use super::schedule::OperatingPoint;
-use super::variables::Parameters;
+use super::variables::{Parameters, Real};
 use crate::elementary::{larger, smaller};
 
 /// Iterations of the pressure shift at the shifted pressure, after the first at the pressure itself. The map is smooth: a third would change less than the
@@ -13,7 +13,7 @@ use crate::elementary::{larger, smaller};
 const ITERATIONS: usize = 2;
 
 /// The range of the shifted pressure (Pa), that of the measurement, to stay finite for absurd maps.
-const PRESSURES: (f64, f64) = (0.0, 1e6);
+const PRESSURES: (Real, Real) = (0.0, 1e6);
 
 /// The engine speed (rpm) for the sensitivity, at an engine speed (rpm), its rate (rpm/s) and a bypass opening.
 ///
@@ -21,7 +21,7 @@ const PRESSURES: (f64, f64) = (0.0, 1e6);
 /// speed. A deceleration uses a speed higher by the range in which the low-pressure wastegate shuts, up to the end of
 /// that range: it passes the range before the shafts reach the greater sensitivity there, and the speed lost by the
 /// high-pressure shaft is missing when it ends.
-fn sensitive_speed(parameters: &Parameters, engine_speed: f64, rate: f64, bypass: f64) -> f64 {
+fn sensitive_speed(parameters: &Parameters, engine_speed: Real, rate: Real, bypass: Real) -> Real {
     let allocation = &parameters.allocation;
     let (shut, free) = (allocation.bypass_shut_below, allocation.bypass_free_above);
     let of_bypass = if engine_speed < free && bypass > 0.0 {
@@ -40,11 +40,11 @@ fn sensitive_speed(parameters: &Parameters, engine_speed: f64, rate: f64, bypass
 /// constant speed.
 pub fn holding_duty(
     parameters: &Parameters,
-    boost_pressure: f64,
-    engine_speed: f64,
-    rate: f64,
-    bypass: f64,
-) -> Option<f64> {
+    boost_pressure: Real,
+    engine_speed: Real,
+    rate: Real,
+    bypass: Real,
+) -> Option<Real> {
     if rate == 0.0 {
         return None;
     }
@@ -69,7 +69,7 @@ mod tests {
     #[test]
     fn a_deceleration_keeps_the_sensitivity_of_higher_speeds() {
         let parameters = Parameters::default();
-        let near = |engine_speed, rate, bypass, expected: f64| {
+        let near = |engine_speed, rate, bypass, expected: Real| {
             let found = sensitive_speed(&parameters, engine_speed, rate, bypass);
             assert!((found - expected).abs() < 1e-9, "{found}, not {expected}");
         };

@@ -26,7 +26,7 @@ use super::schedule::{self, LocalModel, OperatingPoint};
 use super::shaft_speed_limit::{self, ShaftSpeedLimit};
 use super::speed_feedforward;
 use super::surge_protection::SurgeValve;
-use super::variables::{ActiveLimit, FeedbackStructure, Inputs, Parameters};
+use super::variables::{ActiveLimit, FeedbackStructure, Inputs, Parameters, Real};
 use super::{Command, Conditions};
 use crate::elementary::{between, larger, smaller};
 
@@ -41,13 +41,13 @@ pub struct SplitRange {
     shaft_speed: ShaftSpeedLimit,
     surge_valve: SurgeValve,
     /// The virtual duty at the last sample (%).
-    virtual_duty: f64,
+    virtual_duty: Real,
     /// The limit of the reference at the last sample (Pa, at reference conditions).
-    limit: f64,
+    limit: Real,
     /// The ambient conditions of the law's pressures.
     day: Day,
     /// By how much the limit of boost pressure is higher on the scheduled day (Pa); 0 at reference conditions.
-    day_shift: f64,
+    day_shift: Real,
 }
 
 impl SplitRange {
@@ -182,13 +182,13 @@ impl SplitRange {
     }
 
     /// Follows a sample with all valves set for least boost; returns the opening of the bypass, which shuts.
-    pub fn follow(&mut self, parameters: &Parameters, inputs: &Inputs) -> f64 {
+    pub fn follow(&mut self, parameters: &Parameters, inputs: &Inputs) -> Real {
         self.engine_speed.sample(measured_engine_speed(parameters), inputs.engine_speed);
         self.bypass.shut(parameters)
     }
 
     /// Boost pressure (Pa) and engine speed (rpm) at reference conditions.
-    pub fn on_scheduled_day(&self, inputs: &Inputs) -> (f64, f64) {
+    pub fn on_scheduled_day(&self, inputs: &Inputs) -> (Real, Real) {
         let scheduled_pressure = self.day.scheduled_pressure(inputs.boost_pressure);
         let speed_factor = self.day.speed_factor(inputs.boost_pressure, scheduled_pressure);
         (scheduled_pressure, speed_factor * inputs.engine_speed)
@@ -201,12 +201,12 @@ impl SplitRange {
     }
 
     /// The boost pressure here (Pa) that a sound sensor should measure.
-    pub fn expected_measurement(&self, law: &BoostLaw) -> f64 {
+    pub fn expected_measurement(&self, law: &BoostLaw) -> Real {
         self.day.pressure(law.expected_measurement())
     }
 
     /// The law at rest at a boost pressure (Pa).
-    pub fn law_at(&self, boost_pressure: f64) -> BoostLaw {
+    pub fn law_at(&self, boost_pressure: Real) -> BoostLaw {
         BoostLaw::at(self.day.scheduled_pressure(boost_pressure))
     }
 }
@@ -234,9 +234,9 @@ pub fn at_rest(parameters: &Parameters, inputs: &Inputs, compensator: Compensato
 fn response(
     parameters: &Parameters,
     model: &LocalModel,
-    engine_speed: f64,
+    engine_speed: Real,
     firmness: Firmness,
-) -> (f64, f64) {
+) -> (Real, Real) {
     match parameters.structure {
         FeedbackStructure::Paper => {
             let &Parameters { lambda, feedback_lambda, ref allocation, .. } = parameters;
@@ -254,9 +254,9 @@ fn response(
 fn feedback(
     parameters: &Parameters,
     model: &LocalModel,
-    lambda: f64,
+    lambda: Real,
     firmness: Firmness,
-) -> (FeedbackSettings, f64) {
+) -> (FeedbackSettings, Real) {
     let settings = FeedbackSettings::new(model, lambda);
     match parameters.structure {
         FeedbackStructure::Paper => (settings, parameters.derivative_filter),
@@ -293,7 +293,7 @@ mod tests {
     #[test]
     fn ambient_pressure_near_that_of_the_schedule_shifts_pressures_by_little() {
         let parameters = Parameters::default();
-        let shift = |deficit: f64| {
+        let shift = |deficit: Real| {
             let ambient_pressure = parameters.nominal_ambient_pressure - deficit;
             let inputs = Inputs { ambient_pressure, ..Inputs::default() };
             let mut split_range = SplitRange::default();

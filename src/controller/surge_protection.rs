@@ -8,17 +8,17 @@
 use fmu_export::Persistent;
 
 use super::allocation::ramp;
-use super::variables::{Parameters, SurgeProtectionParameters};
+use super::variables::{Parameters, Real, SurgeProtectionParameters};
 use crate::elementary::larger;
 
 /// The memory of the valve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct SurgeValve {
     /// Boost pressure at the last sample (Pa).
-    before: Option<f64>,
+    before: Option<Real>,
     /// The remaining time the valve stays open (s).
-    open_for: f64,
-    opening: f64,
+    open_for: Real,
+    opening: Real,
 }
 
 impl SurgeValve {
@@ -26,9 +26,9 @@ impl SurgeValve {
     pub fn sample(
         &mut self,
         parameters: &Parameters,
-        boost_pressure: f64,
-        expected: impl FnOnce() -> f64,
-    ) -> f64 {
+        boost_pressure: Real,
+        expected: impl FnOnce() -> Real,
+    ) -> Real {
         let &Parameters { sample_time, ref surge_protection, .. } = parameters;
         let &SurgeProtectionParameters { rate, full_rate, excess, opening_time, closing_time } =
             surge_protection;

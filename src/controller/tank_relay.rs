@@ -2,7 +2,7 @@
 
 use fmu_export::{Error, Persistent};
 
-use super::variables::Parameters;
+use super::variables::{Parameters, Real};
 
 /// The state of the relay: whether the pump is on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Persistent)]
@@ -12,7 +12,7 @@ pub struct TankRelay {
 
 impl TankRelay {
     /// Whether the pump is on at a tank pressure (Pa): on above one limit, off below the other.
-    pub fn sample(&mut self, parameters: &Parameters, tank_pressure: f64) -> bool {
+    pub fn sample(&mut self, parameters: &Parameters, tank_pressure: Real) -> bool {
         if tank_pressure > parameters.tank_pressure_on {
             self.on = true;
         } else if tank_pressure < parameters.tank_pressure_off {

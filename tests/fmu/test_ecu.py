@@ -16,6 +16,7 @@ from fmu.master import Fmu, Instance, Reals
 
 IN_THE_LOOP = TARGET / "ecu/BoostControllerInTheLoop.fmu"
 CONTROLLER = TARGET / "fmu/BoostController.fmu"
+SINGLE_PRECISION = TARGET / "ecu/f32/BoostController.fmu"
 PERIOD = 0.0125
 
 
@@ -29,6 +30,18 @@ def test_a_figure_is_that_of_the_fmu(figure: str, tmp_path: Path) -> None:
     own, of_firmware = ((tmp_path / name).read_bytes() for name in ("own.csv", "firmware.csv"))
     assert own.count(b"\n") > 3000
     assert own == of_firmware
+
+
+def test_single_precision_moves_boost_by_less_than_a_sensor_resolves(tmp_path: Path) -> None:
+    """16 bits over 130 kPa are 2 Pa."""
+    records = []
+    for name, fmu in [("double", CONTROLLER), ("single", SINGLE_PRECISION)]:
+        command = [TARGET / "debug/cargo-fmu", "simulate", ROOT / "boost/lab/scenarios/figure_13.toml"]
+        record = tmp_path / f"{name}.csv"
+        subprocess.run([*command, "--fmu", f"controller={fmu}", "--out", record], cwd=ROOT, check=True)
+        records.append(np.genfromtxt(record, delimiter=",", names=True)["boost_pressure"])
+    double, single = records
+    assert 0 < np.abs(double - single).max() < 2
 
 
 class Driven:
@@ -117,6 +130,14 @@ def test_a_noisy_drive_is_that_of_the_fmu(start) -> None:
     assert len({duty for duty, *_ in commands}) > 1000
     assert own.instance.get("fault_code") == 0
     assert firmware.results.get().tolist() == own.results.get().tolist()
+
+
+def test_single_precision_takes_the_nearest_of_its_numbers(start) -> None:
+    single = start(SINGLE_PRECISION)
+    single.instance.set({"boost_pressure": 100000.01})
+    assert single.instance.get("boost_pressure") == np.float32(100000.01)
+    commands = single.step({"engine_speed": 1e300, "boost_reference": -1e300})
+    assert np.isfinite(commands).all()
 
 
 def characteristics() -> dict[str, tuple[int, tuple[int, ...]]]:

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
 use fmu_io::reading;
@@ -64,13 +64,14 @@ pub struct GeneratedDescription {
     pub content: FmuDescription,
 }
 
-/// Compiles packages of a workspace with a profile, for the chosen FMI version and interfaces, if any; cargo reports progress
-/// on stderr.
+/// Compiles packages of a workspace with a profile and features, for the chosen FMI version and interfaces, if any; cargo
+/// reports progress on stderr.
 pub fn compile<'a>(
     metadata: &Metadata,
     packages: impl Iterator<Item = &'a Package>,
     build: &dyn Made,
     profile: &Profile,
+    features: &[String],
     version: Option<Version>,
     interfaces: Option<Interfaces>,
 ) -> Result<Compiled> {
@@ -96,6 +97,7 @@ pub fn compile<'a>(
     for package in &packages {
         command.args(["--package", &package.name]);
     }
+    choose_features(&mut command, features);
     let mut child = command.spawn().context("cannot run cargo; install Rust, or set CARGO to its path")?;
     let stdout = child.stdout.take().context("cargo has no output")?;
     let mut compiled = Compiled { libraries: BTreeMap::new(), generated: vec![], folders: BTreeMap::new() };
@@ -125,6 +127,13 @@ pub fn compile<'a>(
     // After those of the build scripts that cargo has run.
     compiled.generated.extend(interfaces_in_place.into_iter().map(|interface| interface.folder));
     Ok(compiled)
+}
+
+/// Switches features on in a command of cargo.
+pub fn choose_features(command: &mut Command, features: &[String]) {
+    if !features.is_empty() {
+        command.args(["--features", &features.join(",")]);
+    }
 }
 
 /// Name and version in a package identifier: a URL with both after `#`, or only the version if the URL ends with the

@@ -57,6 +57,9 @@ pub struct Export {
     /// Cargo.toml has no such profile]
     #[arg(long, value_name = "PROFILE")]
     profile: Option<Profile>,
+    /// Features of the packages to switch on, as in cargo
+    #[arg(long, value_name = "FEATURES", value_delimiter = ',')]
+    features: Vec<String>,
     /// A library built elsewhere from the same sources, with its platform
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
@@ -115,7 +118,7 @@ impl Export {
         versions.dedup();
         let versions =
             if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
-        let Self { wasm, sources, no_type_descriptions, .. } = self;
+        let Self { wasm, sources, no_type_descriptions, features, .. } = self;
         let profile = profile.unwrap_or_default();
         let describes_types = !no_type_descriptions;
         Ok(Plan {
@@ -127,6 +130,7 @@ impl Export {
             versions,
             interfaces,
             profile,
+            features,
             binaries,
             models,
             out,

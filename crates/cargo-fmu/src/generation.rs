@@ -11,7 +11,7 @@ use std::process::Command;
 use std::time::SystemTime;
 
 use anyhow::{Error, Result, bail};
-use fmu_export_build::{Fmi, IDENTIFIER_VARIABLE, generate_into};
+use fmu_export_build::{Fmi, IDENTIFIER_VARIABLE, SINGLE_PRECISION, generate_into};
 use fmu_io::terminal::complain;
 use fmu_terms::{Interfaces, Version};
 
@@ -103,6 +103,8 @@ impl GeneratedInterface {
 fn has_build_script_of_new(package: &Package) -> bool {
     let script = fs::read_to_string(package.folder().join("build.rs"));
     package.links.is_some()
+        // Cargo tells the script alone whether the feature is on.
+        && !package.features.contains_key(SINGLE_PRECISION)
         && script.is_ok_and(|script| script.split_whitespace().eq(BUILD_SCRIPT.split_whitespace()))
 }
 

@@ -1,5 +1,6 @@
 //! Cargo's JSON output about a workspace and a build (the Cargo Book, "cargo metadata" and "External tools").
 
+use std::collections::BTreeMap;
 use std::env;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -28,6 +29,8 @@ pub struct Package {
     pub manifest_path: PathBuf,
     /// A native library that the package links, or the name by which cargo's configuration replaces its build script.
     pub links: Option<String>,
+    /// The package's features, with those that each switches on.
+    pub features: BTreeMap<String, Vec<String>>,
     targets: Vec<Target>,
     dependencies: Vec<Dependency>,
     authors: Vec<String>,
@@ -112,6 +115,7 @@ impl Package {
     pub fn of_declaration(&self) -> fmu_export_build::Package {
         fmu_export_build::Package {
             is_bare_metal: false,
+            is_single_precision: false,
             name: self.name.clone(),
             version: self.version.clone(),
             description: self.description.clone().unwrap_or_default(),

@@ -52,9 +52,14 @@ pub(crate) fn model<'a>(
         names,
         reads_elements,
         is_bare_metal: package.is_bare_metal,
+        is_single_precision: false,
     };
     if package.is_bare_metal {
         model.parts.iter_mut().flat_map(|part| &mut part.fields).for_each(|field| field.is_boxed = false);
+    }
+    model.is_single_precision = package.is_single_precision && model.in_place(Place::States).next().is_none();
+    if model.is_single_precision {
+        compute_in_single_precision(&mut model);
     }
     check::model::variables(&model, &mut refusals);
     dependencies::refuse_cycles(&model.scalars, &mut refusals);
@@ -75,6 +80,14 @@ pub(crate) fn model<'a>(
     check::model::terminals(&model, &mut refusals);
     refusals.check()?;
     Ok(model)
+}
+
+/// Has the model compute with `f32`. What importers and calibration tools see stays a Real.
+fn compute_in_single_precision(model: &mut Model<'_>) {
+    let fields = model.parts.iter_mut().flat_map(|part| &mut part.fields);
+    for field in fields.filter(|field| field.data_type == DataType::Real) {
+        field.data_type = ValueType::Standard(DataType::Float32);
+    }
 }
 
 /// The value reference after all others.

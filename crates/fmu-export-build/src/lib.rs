@@ -39,7 +39,7 @@ use units::declaration::UnitDeclaration;
 pub use error::{Error, Finding};
 pub use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
 pub use interfaces::Fmi;
-pub use package::Package;
+pub use package::{Package, SINGLE_PRECISION};
 
 /// The JSON Schema of a model's declaration, for editors: the file `model.schema.json`.
 pub const SCHEMA: &str = include_str!("../schema/model.schema.json");

@@ -39,6 +39,8 @@ pub(crate) struct Model<'a> {
     pub(crate) reads_elements: bool,
     /// Whether the model runs without an operating system, where there is no heap.
     pub(crate) is_bare_metal: bool,
+    /// Whether the model computes with `f32`.
+    pub(crate) is_single_precision: bool,
 }
 
 /// The model itself, or a component at any depth.

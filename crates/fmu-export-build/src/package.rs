@@ -2,6 +2,9 @@
 
 use std::env;
 
+/// The feature of a package by which its models without states, such as controllers, compute with `f32`.
+pub const SINGLE_PRECISION: &str = "f32";
+
 /// The package of a model. The declaration need not repeat its metadata.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Package {
@@ -17,6 +20,8 @@ pub struct Package {
     pub license: String,
     /// Whether it is compiled for a target without an operating system, and thus without files and a heap.
     pub is_bare_metal: bool,
+    /// Whether a model without states computes with `f32`: whether the feature [`SINGLE_PRECISION`] is on.
+    pub is_single_precision: bool,
 }
 
 impl Package {
@@ -35,6 +40,8 @@ impl Package {
             authors: variable("CARGO_PKG_AUTHORS"),
             license: variable("CARGO_PKG_LICENSE"),
             is_bare_metal: variable("CARGO_CFG_TARGET_OS") == "none",
+            is_single_precision: env::var_os(format!("CARGO_FEATURE_{}", SINGLE_PRECISION.to_uppercase()))
+                .is_some(),
         }
     }
 }

@@ -47,8 +47,12 @@ pub use generated::*;
 #[allow({LINTS})]
 mod generated {{
 use ::fmu_export::description as fmi;
+
+/// The numbers of Reals: `f64`, or with the package's feature `f32` that type.
+pub type Real = {real};
 ",
         model.identifier,
+        real = if model.is_single_precision { "f32" } else { "f64" },
         export_functions = if model.is_bare_metal { String::new() } else { export_functions(model.fmi) },
         enumerations = enumerations(&model.declaration.enumerations),
     );

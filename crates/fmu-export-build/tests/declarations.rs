@@ -303,13 +303,15 @@ fn what_is_accepted_compiles() {
     write("Cargo.toml", &format!("{manifest}fmu-export = {{ path = {exporter:?} }}\n"));
     fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../../Cargo.lock"), folder.join("Cargo.lock"))
         .expect("the folder for tests is writable");
-    let package = Package { name: "random".to_owned(), version: "1.0.0".to_owned(), ..Package::default() };
+    let mut package =
+        Package { name: "random".to_owned(), version: "1.0.0".to_owned(), ..Package::default() };
     let (mut accepted, mut modules) = (0, String::new());
     for number in 0..count {
         let version = random.pick(&Version::ALL);
         let interfaces =
             random.pick(&[Interfaces::CoSimulation, Interfaces::ModelExchange, Interfaces::Both]);
         let declaration = random.declaration(version == Version::Three);
+        package.is_single_precision = random.pick(&[false, true]);
         let out_dir = folder.join(format!("src/m{number}"));
         fs::create_dir_all(&out_dir).expect("the folder for tests is writable");
         write(&format!("src/m{number}/model.json"), &format!("{declaration:#}"));

@@ -132,16 +132,19 @@ pub(crate) fn take_page<V: Variables>(variables: &mut V, page: &[u64], tunable: 
         return Err(Error::new(format_args!("a page of {length} cells for {cells} cells of parameters")));
     }
     for (&cell, (reference, variable)) in page.iter().zip(scalars::<V>(true)) {
-        if cell_of(variables, reference, variable.data_type) == significant(cell, variable.data_type) {
+        let before = cell_of(variables, reference, variable.data_type);
+        if before == significant(cell, variable.data_type) {
             continue;
         }
-        if tunable && variable.variability == Variability::Fixed {
+        set(variables, reference, variable, cell)?;
+        // A Real may be rounded to what it was.
+        let has_changed = before != cell_of(variables, reference, variable.data_type);
+        if tunable && has_changed && variable.variability == Variability::Fixed {
             return Err(Error::new(format_args!(
                 "{} is fixed: a change takes effect at the next start",
                 variable.name()
             )));
         }
-        set(variables, reference, variable, cell)?;
     }
     Ok(())
 }

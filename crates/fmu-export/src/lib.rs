@@ -57,7 +57,7 @@ pub mod wasm;
 #[cfg(feature = "derive")]
 pub use fmu_export_derive::Persistent;
 #[doc(inline)]
-pub use fmu_solve::{Dual, Error, Number, Persistent, display, persistence, persistent, space, table};
+pub use fmu_solve::{Dual, Error, Float, Number, Persistent, display, persistence, persistent, space, table};
 pub use model::clock::Clock;
 pub use model::context::{Context, Experiment, Log};
 pub use model::description;

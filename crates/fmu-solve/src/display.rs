@@ -15,11 +15,12 @@ const LONGEST: usize = 320;
 /// assert_eq!(Rounded(3.608e-300).to_string(), "3.608e-300");
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Rounded(pub f64);
+pub struct Rounded<T = f64>(pub T);
 
-impl fmt::Display for Rounded {
+impl<T: Copy + Into<f64>> fmt::Display for Rounded<T> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        Shown(parsed(format_args!("{:.5e}", self.0), self.0)).fmt(formatter)
+        let value = self.0.into();
+        Shown(parsed(format_args!("{value:.5e}"), value)).fmt(formatter)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The elementary functions of `f64` that core lacks: those of the standard library, or where there is none of `libm`.
+//! The elementary functions that core lacks: those of the standard library, or where there is none of `libm`.
 //!
 //! [`Number`](crate::Number) computes with these. Were it to call them as methods, it would find itself without the
 //! standard library: `Number::exp` in `x.exp()`.
@@ -12,90 +12,129 @@ macro_rules! library {
 /// Calls a function of `libm`.
 #[cfg(target_os = "none")]
 macro_rules! library {
-    ($function:ident, $of_libm:ident, $x:ident $(, $y:ident)*) => { libm::$of_libm($x $(, $y)*) };
+    ($function:ident, $of_libm:ident, $x:ident $(, $y:ident)*) => { of_libm::$of_libm($x $(, $y)*) };
 }
 
-/// Defines functions, each with its name in `libm`.
-macro_rules! functions {
-    ($($function:ident($($x:ident),*) -> $result:ty = $of_libm:ident;)*) => {$(
-        #[inline]
-        pub(crate) fn $function($($x: f64),*) -> $result {
-            library!($function, $of_libm, $($x),*)
-        }
-    )*};
-}
-
-functions! {
-    acos(x) -> f64 = acos;
-    acosh(x) -> f64 = acosh;
-    asin(x) -> f64 = asin;
-    asinh(x) -> f64 = asinh;
-    atan(x) -> f64 = atan;
-    atan2(y, x) -> f64 = atan2;
-    atanh(x) -> f64 = atanh;
-    cbrt(x) -> f64 = cbrt;
-    ceil(x) -> f64 = ceil;
-    cosh(x) -> f64 = cosh;
-    exp(x) -> f64 = exp;
-    exp2(x) -> f64 = exp2;
-    exp_m1(x) -> f64 = expm1;
-    floor(x) -> f64 = floor;
-    hypot(x, y) -> f64 = hypot;
-    ln(x) -> f64 = log;
-    ln_1p(x) -> f64 = log1p;
-    log10(x) -> f64 = log10;
-    log2(x) -> f64 = log2;
-    mul_add(x, factor, summand) -> f64 = fma;
-    powf(x, exponent) -> f64 = pow;
-    round(x) -> f64 = round;
-    sin_cos(x) -> (f64, f64) = sincos;
-    sinh(x) -> f64 = sinh;
-    sqrt(x) -> f64 = sqrt;
-    tan(x) -> f64 = tan;
-    tanh(x) -> f64 = tanh;
-    trunc(x) -> f64 = trunc;
-}
-
-/// A number to an integer power.
-#[cfg(not(target_os = "none"))]
-#[inline]
-pub(crate) fn powi(x: f64, exponent: i32) -> f64 {
-    x.powi(exponent)
-}
-
-/// A number to an integer power, by the products that compilers make of the standard library's.
 #[cfg(target_os = "none")]
-#[inline]
-pub(crate) fn powi(x: f64, exponent: i32) -> f64 {
-    let (mut power, mut square, mut left) = (1.0, x, exponent.unsigned_abs());
-    while left > 0 {
-        if left % 2 == 1 {
-            power *= square;
+mod of_libm {
+    pub(super) use libm::*;
+
+    /// That of `libm` gives numbers below -2, where there are none.
+    pub(super) fn acoshf(x: f32) -> f32 {
+        if x < 1.0 { f32::NAN } else { libm::acoshf(x) }
+    }
+}
+
+/// Defines the trait of functions, each with its names in `libm` for `f64` and for `f32`.
+macro_rules! float {
+    ($($function:ident($self:ident $(, $y:ident)*) -> $result:ty = $double:ident, $single:ident;)*) => {
+        /// The functions of `f64` and `f32` that core lacks: for a model that also runs without the standard library, with
+        /// numbers of either type, as `Float::sqrt(x)`.
+        ///
+        /// Where there is a standard library they are its functions.
+        pub trait Float: Copy {
+            $(
+                #[doc = concat!("As [`f64::", stringify!($function), "`].")]
+                #[must_use]
+                fn $function(self $(, $y: Self)*) -> $result;
+            )*
+
+            /// As [`f64::powi`], which need not round alike everywhere.
+            #[must_use]
+            fn powi(self, exponent: i32) -> Self;
+
+            /// As [`f64::rem_euclid`].
+            #[must_use]
+            fn rem_euclid(self, divisor: Self) -> Self;
+
+            /// As [`f64::div_euclid`].
+            #[must_use]
+            fn div_euclid(self, divisor: Self) -> Self;
         }
-        square *= square;
-        left /= 2;
-    }
-    if exponent < 0 { 1.0 / power } else { power }
+
+        float!(@for f64: $($function($self $(, $y)*) -> $result = $double;)*);
+        float!(@for f32: $($function($self $(, $y)*) -> $result = $single;)*);
+    };
+    (@for $number:ty: $($function:ident($self:ident $(, $y:ident)*) -> $result:ty = $of_libm:ident;)*) => {
+        impl Float for $number {
+            $(
+                #[inline]
+                fn $function($self $(, $y: Self)*) -> $result {
+                    library!($function, $of_libm, $self $(, $y)*)
+                }
+            )*
+
+            #[cfg(not(target_os = "none"))]
+            #[inline]
+            fn powi(self, exponent: i32) -> Self {
+                self.powi(exponent)
+            }
+
+            /// By the products that compilers make of the standard library's.
+            #[cfg(target_os = "none")]
+            #[inline]
+            fn powi(self, exponent: i32) -> Self {
+                let (mut power, mut square, mut left) = (1.0, self, exponent.unsigned_abs());
+                while left > 0 {
+                    if left % 2 == 1 {
+                        power *= square;
+                    }
+                    square *= square;
+                    left /= 2;
+                }
+                if exponent < 0 { 1.0 / power } else { power }
+            }
+
+            #[inline]
+            fn rem_euclid(self, divisor: Self) -> Self {
+                let remainder = self % divisor;
+                if remainder < 0.0 { remainder + divisor.abs() } else { remainder }
+            }
+
+            #[inline]
+            fn div_euclid(self, divisor: Self) -> Self {
+                let quotient = Float::trunc(self / divisor);
+                if self % divisor >= 0.0 || quotient.is_nan() {
+                    quotient
+                } else if divisor > 0.0 {
+                    quotient - 1.0
+                } else {
+                    quotient + 1.0
+                }
+            }
+        }
+    };
 }
 
-/// The remainder from 0 up to the divisor's absolute value, as the standard library's.
-#[inline]
-pub(crate) fn rem_euclid(x: f64, divisor: f64) -> f64 {
-    let remainder = x % divisor;
-    if remainder < 0.0 { remainder + divisor.abs() } else { remainder }
-}
-
-/// The quotient without that remainder.
-#[inline]
-pub(crate) fn div_euclid(x: f64, divisor: f64) -> f64 {
-    let quotient = trunc(x / divisor);
-    if x % divisor >= 0.0 || quotient.is_nan() {
-        quotient
-    } else if divisor > 0.0 {
-        quotient - 1.0
-    } else {
-        quotient + 1.0
-    }
+float! {
+    acos(self) -> Self = acos, acosf;
+    acosh(self) -> Self = acosh, acoshf;
+    asin(self) -> Self = asin, asinf;
+    asinh(self) -> Self = asinh, asinhf;
+    atan(self) -> Self = atan, atanf;
+    atan2(self, x) -> Self = atan2, atan2f;
+    atanh(self) -> Self = atanh, atanhf;
+    cbrt(self) -> Self = cbrt, cbrtf;
+    ceil(self) -> Self = ceil, ceilf;
+    cosh(self) -> Self = cosh, coshf;
+    exp(self) -> Self = exp, expf;
+    exp2(self) -> Self = exp2, exp2f;
+    exp_m1(self) -> Self = expm1, expm1f;
+    floor(self) -> Self = floor, floorf;
+    hypot(self, y) -> Self = hypot, hypotf;
+    ln(self) -> Self = log, logf;
+    ln_1p(self) -> Self = log1p, log1pf;
+    log10(self) -> Self = log10, log10f;
+    log2(self) -> Self = log2, log2f;
+    mul_add(self, factor, summand) -> Self = fma, fmaf;
+    powf(self, exponent) -> Self = pow, powf;
+    round(self) -> Self = round, roundf;
+    sin_cos(self) -> (Self, Self) = sincos, sincosf;
+    sinh(self) -> Self = sinh, sinhf;
+    sqrt(self) -> Self = sqrt, sqrtf;
+    tan(self) -> Self = tan, tanf;
+    tanh(self) -> Self = tanh, tanhf;
+    trunc(self) -> Self = trunc, truncf;
 }
 
 #[cfg(test)]
@@ -107,7 +146,7 @@ mod tests {
         let numbers = [-7.5, -2.0, -0.5, -0.0, 0.0, 0.25, 1.0, 3.0, 7.5, 1e300, f64::INFINITY, f64::NAN];
         for x in numbers {
             for divisor in numbers {
-                let found = [rem_euclid(x, divisor), div_euclid(x, divisor)].map(f64::to_bits);
+                let found = [Float::rem_euclid(x, divisor), Float::div_euclid(x, divisor)].map(f64::to_bits);
                 let expected = [x.rem_euclid(divisor), x.div_euclid(divisor)].map(f64::to_bits);
                 assert_eq!(found, expected, "{x} by {divisor}");
             }

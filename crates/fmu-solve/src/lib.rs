@@ -51,6 +51,7 @@ pub mod table;
 mod tape;
 pub mod time;
 
+pub use elementary::Float;
 pub use error::Error;
 pub use number::{Dual, Number};
 pub use persistence::Persistent;

@@ -6,7 +6,7 @@ use core::fmt::Debug;
 use core::iter::{Product, Sum};
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::elementary;
+use crate::elementary::Float;
 
 /// A summand that changes no value, not even the sign of 0. It carries an operand's contribution to the derivative
 /// only.
@@ -70,58 +70,58 @@ pub trait Number:
     /// The exponential function.
     #[must_use]
     fn exp(self) -> Self {
-        let value = elementary::exp(self.value());
+        let value = Float::exp(self.value());
         self.mapped(value, value)
     }
 
     /// The natural logarithm.
     #[must_use]
     fn ln(self) -> Self {
-        self.mapped(elementary::ln(self.value()), self.value().recip())
+        self.mapped(Float::ln(self.value()), self.value().recip())
     }
 
     /// The exponential function minus 1, exact near 0.
     #[must_use]
     fn exp_m1(self) -> Self {
-        self.mapped(elementary::exp_m1(self.value()), elementary::exp(self.value()))
+        self.mapped(Float::exp_m1(self.value()), Float::exp(self.value()))
     }
 
     /// 2 to the power of the number.
     #[must_use]
     fn exp2(self) -> Self {
-        let value = elementary::exp2(self.value());
+        let value = Float::exp2(self.value());
         self.mapped(value, value * LN_2)
     }
 
     /// The natural logarithm of 1 plus the number, exact near 0.
     #[must_use]
     fn ln_1p(self) -> Self {
-        self.mapped(elementary::ln_1p(self.value()), (1.0 + self.value()).recip())
+        self.mapped(Float::ln_1p(self.value()), (1.0 + self.value()).recip())
     }
 
     /// The logarithm to the base 2.
     #[must_use]
     fn log2(self) -> Self {
-        self.mapped(elementary::log2(self.value()), (self.value() * LN_2).recip())
+        self.mapped(Float::log2(self.value()), (self.value() * LN_2).recip())
     }
 
     /// The logarithm to the base 10.
     #[must_use]
     fn log10(self) -> Self {
-        self.mapped(elementary::log10(self.value()), (self.value() * LN_10).recip())
+        self.mapped(Float::log10(self.value()), (self.value() * LN_10).recip())
     }
 
     /// The square root.
     #[must_use]
     fn sqrt(self) -> Self {
-        let value = elementary::sqrt(self.value());
+        let value = Float::sqrt(self.value());
         self.mapped(value, 0.5 / value)
     }
 
     /// The cubic root.
     #[must_use]
     fn cbrt(self) -> Self {
-        let value = elementary::cbrt(self.value());
+        let value = Float::cbrt(self.value());
         self.mapped(value, (3.0 * value * value).recip())
     }
 
@@ -129,7 +129,7 @@ pub trait Number:
     #[must_use]
     fn hypot(self, other: impl Into<Self>) -> Self {
         let other = other.into();
-        let value = elementary::hypot(self.value(), other.value());
+        let value = Float::hypot(self.value(), other.value());
         let slope = |leg: f64| if value == 0.0 { 0.0 } else { leg / value };
         self.mapped(value, slope(self.value())) + other.mapped(NOTHING, slope(other.value()))
     }
@@ -137,12 +137,9 @@ pub trait Number:
     /// The number to a constant integer power.
     #[must_use]
     fn powi(self, exponent: i32) -> Self {
-        let derivative = if exponent == 0 {
-            0.0
-        } else {
-            f64::from(exponent) * elementary::powi(self.value(), exponent - 1)
-        };
-        self.mapped(elementary::powi(self.value(), exponent), derivative)
+        let derivative =
+            if exponent == 0 { 0.0 } else { f64::from(exponent) * Float::powi(self.value(), exponent - 1) };
+        self.mapped(Float::powi(self.value(), exponent), derivative)
     }
 
     /// The number to a power.
@@ -150,23 +147,23 @@ pub trait Number:
     fn powf(self, exponent: impl Into<Self>) -> Self {
         let exponent = exponent.into();
         let (base, power) = (self.value(), exponent.value());
-        let value = elementary::powf(base, power);
-        let by_base = if power == 0.0 { 0.0 } else { power * elementary::powf(base, power - 1.0) };
-        let by_exponent = if base == 0.0 { 0.0 } else { value * elementary::ln(base) };
+        let value = Float::powf(base, power);
+        let by_base = if power == 0.0 { 0.0 } else { power * Float::powf(base, power - 1.0) };
+        let by_exponent = if base == 0.0 { 0.0 } else { value * Float::ln(base) };
         self.mapped(value, by_base) + exponent.mapped(NOTHING, by_exponent)
     }
 
     /// The sine of an angle in radians.
     #[must_use]
     fn sin(self) -> Self {
-        let (sine, cosine) = elementary::sin_cos(self.value());
+        let (sine, cosine) = Float::sin_cos(self.value());
         self.mapped(sine, cosine)
     }
 
     /// The cosine of an angle in radians.
     #[must_use]
     fn cos(self) -> Self {
-        let (sine, cosine) = elementary::sin_cos(self.value());
+        let (sine, cosine) = Float::sin_cos(self.value());
         self.mapped(cosine, -sine)
     }
 
@@ -179,7 +176,7 @@ pub trait Number:
     /// The tangent of an angle in radians.
     #[must_use]
     fn tan(self) -> Self {
-        let value = elementary::tan(self.value());
+        let value = Float::tan(self.value());
         self.mapped(value, 1.0 + value * value)
     }
 
@@ -187,21 +184,21 @@ pub trait Number:
     #[must_use]
     fn asin(self) -> Self {
         let value = self.value();
-        self.mapped(elementary::asin(value), elementary::sqrt(1.0 - value * value).recip())
+        self.mapped(Float::asin(value), Float::sqrt(1.0 - value * value).recip())
     }
 
     /// The arccosine, in radians.
     #[must_use]
     fn acos(self) -> Self {
         let value = self.value();
-        self.mapped(elementary::acos(value), -elementary::sqrt(1.0 - value * value).recip())
+        self.mapped(Float::acos(value), -Float::sqrt(1.0 - value * value).recip())
     }
 
     /// The arctangent, in radians.
     #[must_use]
     fn atan(self) -> Self {
         let value = self.value();
-        self.mapped(elementary::atan(value), (1.0 + value * value).recip())
+        self.mapped(Float::atan(value), (1.0 + value * value).recip())
     }
 
     /// The angle in radians of the point with this ordinate and the given abscissa.
@@ -209,7 +206,7 @@ pub trait Number:
     fn atan2(self, x: impl Into<Self>) -> Self {
         let x = x.into();
         let square = self.value() * self.value() + x.value() * x.value();
-        let value = elementary::atan2(self.value(), x.value());
+        let value = Float::atan2(self.value(), x.value());
         self.mapped(value, x.value() / square) + x.mapped(NOTHING, -self.value() / square)
     }
 
@@ -228,19 +225,19 @@ pub trait Number:
     /// The hyperbolic sine.
     #[must_use]
     fn sinh(self) -> Self {
-        self.mapped(elementary::sinh(self.value()), elementary::cosh(self.value()))
+        self.mapped(Float::sinh(self.value()), Float::cosh(self.value()))
     }
 
     /// The hyperbolic cosine.
     #[must_use]
     fn cosh(self) -> Self {
-        self.mapped(elementary::cosh(self.value()), elementary::sinh(self.value()))
+        self.mapped(Float::cosh(self.value()), Float::sinh(self.value()))
     }
 
     /// The hyperbolic tangent.
     #[must_use]
     fn tanh(self) -> Self {
-        let value = elementary::tanh(self.value());
+        let value = Float::tanh(self.value());
         self.mapped(value, 1.0 - value * value)
     }
 
@@ -248,28 +245,28 @@ pub trait Number:
     #[must_use]
     fn asinh(self) -> Self {
         let value = self.value();
-        self.mapped(elementary::asinh(value), elementary::hypot(value, 1.0).recip())
+        self.mapped(Float::asinh(value), Float::hypot(value, 1.0).recip())
     }
 
     /// The inverse hyperbolic cosine.
     #[must_use]
     fn acosh(self) -> Self {
         let value = self.value();
-        self.mapped(elementary::acosh(value), elementary::sqrt(value * value - 1.0).recip())
+        self.mapped(Float::acosh(value), Float::sqrt(value * value - 1.0).recip())
     }
 
     /// The inverse hyperbolic tangent.
     #[must_use]
     fn atanh(self) -> Self {
         let value = self.value();
-        self.mapped(elementary::atanh(value), (1.0 - value * value).recip())
+        self.mapped(Float::atanh(value), (1.0 - value * value).recip())
     }
 
     /// The number times a factor plus a summand, rounded once.
     #[must_use]
     fn mul_add(self, factor: impl Into<Self>, summand: impl Into<Self>) -> Self {
         let (factor, summand) = (factor.into(), summand.into());
-        let value = elementary::mul_add(self.value(), factor.value(), summand.value());
+        let value = Float::mul_add(self.value(), factor.value(), summand.value());
         self.mapped(value, factor.value())
             + factor.mapped(NOTHING, self.value())
             + summand.mapped(NOTHING, 1.0)
@@ -280,33 +277,33 @@ pub trait Number:
     #[must_use]
     fn rem_euclid(self, divisor: impl Into<Self>) -> Self {
         let divisor = divisor.into();
-        let quotient = elementary::div_euclid(self.value(), divisor.value());
-        self.mapped(elementary::rem_euclid(self.value(), divisor.value()), 1.0)
+        let quotient = Float::div_euclid(self.value(), divisor.value());
+        self.mapped(Float::rem_euclid(self.value(), divisor.value()), 1.0)
             + divisor.mapped(NOTHING, -quotient)
     }
 
     /// The largest integer that is not larger. It jumps; if the jump matters, make it an event.
     #[must_use]
     fn floor(self) -> Self {
-        self.mapped(elementary::floor(self.value()), 0.0)
+        self.mapped(Float::floor(self.value()), 0.0)
     }
 
     /// The smallest integer that is not smaller. It jumps; if the jump matters, make it an event.
     #[must_use]
     fn ceil(self) -> Self {
-        self.mapped(elementary::ceil(self.value()), 0.0)
+        self.mapped(Float::ceil(self.value()), 0.0)
     }
 
     /// The nearest integer; of two, that farther from 0. It jumps; if the jump matters, make it an event.
     #[must_use]
     fn round(self) -> Self {
-        self.mapped(elementary::round(self.value()), 0.0)
+        self.mapped(Float::round(self.value()), 0.0)
     }
 
     /// The integer part. It jumps; if the jump matters, make it an event.
     #[must_use]
     fn trunc(self) -> Self {
-        self.mapped(elementary::trunc(self.value()), 0.0)
+        self.mapped(Float::trunc(self.value()), 0.0)
     }
 
     /// The sign: 1 or -1, even for 0 and -0. It jumps; if the jump matters, make it an event.

@@ -23,7 +23,7 @@
 
 use core::fmt::Display;
 
-use crate::elementary;
+use crate::elementary::Float;
 use crate::error::Error;
 use crate::number::Number;
 
@@ -106,7 +106,7 @@ impl<'a, V: Number> Curve<'a, V> {
         match (self.beyond, knots) {
             (Beyond::Repeat, [first, .., last]) => {
                 let period = last.value() - first.value();
-                let rounds = elementary::floor((x - first.value()) / period);
+                let rounds = Float::floor((x - first.value()) / period);
                 // The first knot is the last of the round before. Rounding may put the end of this round before the place.
                 let rest = &knots[1..];
                 after(rest, rounds * period).or_else(|| after(rest, (rounds + 1.0) * period))
@@ -206,7 +206,7 @@ fn along<V: Number, T: Number + From<V>>(
     let x = match beyond {
         Beyond::Repeat => {
             let period = knot(last) - knot(0);
-            x - period * elementary::floor((x - knot(0)).value() / period.value())
+            x - period * Float::floor((x - knot(0)).value() / period.value())
         }
         _ => x,
     };

@@ -10,18 +10,18 @@ use fmu_export::Persistent;
 
 use super::evidence::{MEMORY, STEADY_SPEED};
 use crate::controller::schedule::OperatingPoint;
-use crate::controller::variables::Parameters;
+use crate::controller::variables::{Parameters, Real};
 use crate::elementary::larger;
 
 /// What the loop is asked for, at reference conditions.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked {
     /// The driver's reference (Pa).
-    pub by_driver: f64,
+    pub by_driver: Real,
     /// The reference within the shaft's limit (Pa).
-    pub reference: f64,
+    pub reference: Real,
     /// By how much a fixed pressure is higher at reference conditions (Pa): it moves with ambient conditions.
-    pub day_shift: f64,
+    pub day_shift: Real,
 }
 
 /// What a sample shows.
@@ -37,29 +37,29 @@ pub enum Verdict {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 pub struct Answer {
     /// Virtual duty (%) and the driver's reference (Pa), filtered; none before the first sample.
-    before: Option<[f64; 2]>,
+    before: Option<[Real; 2]>,
     demand: Option<Demand>,
     /// [`Asked::day_shift`] and the engine speed (rpm) at the start of the judgement.
-    day_shift: f64,
-    engine_speed: f64,
+    day_shift: Real,
+    engine_speed: Real,
 }
 
 /// The time since boost is far from its reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Demand {
     /// Above 0 if more boost is demanded.
-    sign: f64,
+    sign: Real,
     /// The boost pressure (Pa) farthest from the reference.
-    farthest: f64,
+    farthest: Real,
     /// The driver's reference (Pa) before.
-    reference_before: f64,
+    reference_before: Real,
     /// The schedule's pressure (Pa) for the duty before.
-    held_before: f64,
+    held_before: Real,
     /// How far boost should have moved (Pa).
-    expected: f64,
+    expected: Real,
     has_answered: bool,
     /// How long boost has failed to move although it should have (s).
-    unanswered: f64,
+    unanswered: Real,
 }
 
 impl Answer {
@@ -68,10 +68,10 @@ impl Answer {
     pub fn judge<const COLUMNS: usize>(
         &mut self,
         parameters: &Parameters,
-        (boost_pressure, engine_speed): (f64, f64),
+        (boost_pressure, engine_speed): (Real, Real),
         here: OperatingPoint<'_, COLUMNS>,
         asked: Asked,
-        virtual_duty: f64,
+        virtual_duty: Real,
     ) -> Verdict {
         let &Parameters { sample_time, diagnosis: ref limits, .. } = parameters;
         // The reference moved at reference conditions, though not here; or a ramp moved the duty. What was before does not

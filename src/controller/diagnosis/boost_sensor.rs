@@ -15,27 +15,27 @@ use fmu_export::Persistent;
 use super::evidence::{Confirmed, MEMORY, STEADY_SPEED};
 use crate::controller::lag::Lag;
 use crate::controller::schedule::OperatingPoint;
-use crate::controller::variables::{Inputs, Parameters};
+use crate::controller::variables::{Inputs, Parameters, Real};
 use crate::elementary::{larger, smaller};
 
 /// Below this engine speed (rpm) an engine does not run by itself: it idles above, and a starter turns it slower.
-pub const ENGINE_RUNS_FROM: f64 = 500.0;
+pub const ENGINE_RUNS_FROM: Real = 500.0;
 
 /// How long a measurement must be near the expected pressure to be plausible again (s): longer than a shaft takes to
 /// settle, so that it does not only pass by.
-const RECOVERY: f64 = 3.0;
+const RECOVERY: Real = 3.0;
 
 /// The change of the duty (%) that friction can keep from the rod: twice 2 N, the stickiest actuator's in `parameters/`,
 /// on its membrane of 15 cm², at 0.9 kPa/%.
-const STICTION: f64 = 3.0;
+const STICTION: Real = 3.0;
 
 /// How far the duty must have moved boost under a constant measurement, beyond `answer_error`, over the smallest change
 /// that the sensor has shown: how far feedback and friction let the duty wander within a step of a coarse
 /// analog-to-digital converter.
-const WANDERING: f64 = 25.0;
+const WANDERING: Real = 25.0;
 
 /// How many times slower than `actuator_lag` an actuator may be.
-const SLOW_ACTUATOR: f64 = 3.0;
+const SLOW_ACTUATOR: Real = 3.0;
 
 /// What the check compares a measurement with.
 #[derive(Clone, Copy, Debug)]
@@ -43,9 +43,9 @@ pub struct Expectation<'a, const COLUMNS: usize> {
     /// The operating point in the schedule.
     pub operating_point: OperatingPoint<'a, COLUMNS>,
     /// The virtual duty (%) at the last sample, at least the one at which the wastegate lifts off.
-    pub duty: f64,
+    pub duty: Real,
     /// The engine speed (rpm).
-    pub engine_speed: f64,
+    pub engine_speed: Real,
 }
 
 /// The memory of the check.
@@ -62,7 +62,7 @@ pub struct BoostSensor {
     /// Whether the last measurement was out of range.
     is_outside: bool,
     /// How long the measurement has been near the expected pressure (s), and whether it has changed meanwhile.
-    near: f64,
+    near: Real,
     has_changed: bool,
     /// Whether the sensor was just found by what it showed for long, so that the integral term followed it.
     has_misled: bool,
@@ -105,7 +105,7 @@ impl BoostSensor {
     }
 
     /// Forgives an implausible measurement (Pa) that has been near the expected pressure (Pa).
-    pub fn recover(&mut self, parameters: &Parameters, measured: f64, expected: impl FnOnce() -> f64) {
+    pub fn recover(&mut self, parameters: &Parameters, measured: Real, expected: impl FnOnce() -> Real) {
         let is_near = || (measured - expected()).abs() < parameters.diagnosis.answer_error;
         if !self.is_implausible || self.is_outside || !is_near() {
             (self.near, self.has_changed) = (0.0, false);
@@ -144,16 +144,16 @@ impl BoostSensor {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Signal {
     /// Boost pressure (Pa) and engine speed (rpm) at the last change.
-    last: Option<[f64; 2]>,
+    last: Option<[Real; 2]>,
     /// Time since the last change (s).
-    age: f64,
+    age: Real,
     /// The smallest change (Pa).
-    smallest_change: Option<f64>,
+    smallest_change: Option<Real>,
 }
 
 impl Signal {
     /// The smallest change that the sensor has shown (Pa), 0 before the first.
-    fn resolution(&self) -> f64 {
+    fn resolution(&self) -> Real {
         self.smallest_change.unwrap_or(0.0)
     }
 
@@ -188,11 +188,11 @@ impl Signal {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Constant {
     /// The virtual duty (%) at the last sample, and before the measurement's last change, to which it responded.
-    duty: Option<f64>,
-    duty_before: Option<f64>,
+    duty: Option<Real>,
+    duty_before: Option<Real>,
     /// The movement since then (Pa), with the actuator's lag, and with the engine's.
-    asked: f64,
-    expected: f64,
+    asked: Real,
+    expected: Real,
 }
 
 impl Constant {
@@ -200,7 +200,7 @@ impl Constant {
         &mut self,
         parameters: &Parameters,
         expectation: Expectation<'_, COLUMNS>,
-        due_movement: f64,
+        due_movement: Real,
     ) -> bool {
         let Expectation { operating_point, duty, .. } = expectation;
         let before = *self.duty_before.get_or_insert(duty);
@@ -218,7 +218,7 @@ impl Constant {
 struct KeyOn {
     has_run: bool,
     /// How long the sensors have disagreed (s).
-    disagree: f64,
+    disagree: Real,
     is_off: bool,
 }
 

@@ -2,11 +2,13 @@
 
 use fmu_export::Persistent;
 
+use crate::controller::variables::Real;
+
 /// The time constant (s) of the virtual duty, the reference and engine speed before a demand: longer than the duty's
 /// response to a reference step, shorter than the time between a driver's steps.
-pub const MEMORY: f64 = 1.0;
+pub const MEMORY: Real = 1.0;
 /// The change of engine speed (rpm) within which the loop is judged: beyond it, the duty moves to hold the pressure.
-pub const STEADY_SPEED: f64 = 100.0;
+pub const STEADY_SPEED: Real = 100.0;
 
 /// A condition that changes once it has been observed changed for some time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
@@ -14,11 +16,11 @@ pub struct Confirmed {
     /// Whether the condition holds, as confirmed.
     pub holds: bool,
     /// How long the condition has been observed otherwise (s).
-    seen_otherwise: f64,
+    seen_otherwise: Real,
 }
 
 impl Confirmed {
-    pub fn sample(&mut self, seen: bool, confirmation_time: f64, sample_time: f64) {
+    pub fn sample(&mut self, seen: bool, confirmation_time: Real, sample_time: Real) {
         if seen == self.holds {
             self.seen_otherwise = 0.0;
             return;

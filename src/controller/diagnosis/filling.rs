@@ -6,15 +6,15 @@
 
 use fmu_export::Persistent;
 
-use crate::controller::variables::Parameters;
+use crate::controller::variables::{Parameters, Real};
 use crate::elementary::larger;
 
 /// The sum of duty changes (%) up to which the duty counts as constant: 1 % more empties 0.9 kPa of the actuator
 /// chamber into the tank, 40 Pa there with 45 cm³ and 1 l, so this at most 0.08 kPa, or 0.24 kPa with a chamber three
 /// times as large.
-const RESTING_TRAVEL: f64 = 2.0;
+const RESTING_TRAVEL: Real = 2.0;
 /// How long the duty must be constant (s) before tank pressure is judged: the longest filling of the chamber.
-const CHAMBER_SETTLES: f64 = 0.75;
+const CHAMBER_SETTLES: Real = 0.75;
 
 /// The memory of the judgement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
@@ -24,21 +24,21 @@ pub struct Filling {
     /// The span from when the duty became constant.
     rest: Span,
     /// The duty (%) at the last sample.
-    duty: f64,
+    duty: Real,
     /// The sum of the duty's changes (%) since `rest` began.
-    travel: f64,
+    travel: Real,
 }
 
 /// A time (s) and the tank pressure (Pa) from which it should fall.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Span {
-    time: f64,
-    from: f64,
+    time: Real,
+    from: Real,
 }
 
 impl Filling {
     /// Judges a sample with the pump on, from the duty (%) and the tank pressure (Pa).
-    pub fn fails(&mut self, parameters: &Parameters, duty: f64, tank_pressure: f64) -> bool {
+    pub fn fails(&mut self, parameters: &Parameters, duty: Real, tank_pressure: Real) -> bool {
         let &Parameters { sample_time, ref diagnosis, .. } = parameters;
         let begin = Span { time: 0.0, from: tank_pressure };
         if self.run.time == 0.0 {

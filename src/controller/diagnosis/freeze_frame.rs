@@ -2,7 +2,7 @@
 
 use fmu_export::Persistent;
 
-use crate::controller::variables::{FreezeFrameLocals, Inputs, Locals};
+use crate::controller::variables::{FreezeFrameLocals, Inputs, Locals, Real};
 
 /// The frame, empty before the first code.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
@@ -11,14 +11,14 @@ pub struct FreezeFrame {
     code: i32,
     /// The time since the start (s).
     time: f64,
-    engine_speed: f64,
-    boost_pressure: f64,
-    duty: f64,
+    engine_speed: Real,
+    boost_pressure: Real,
+    duty: Real,
 }
 
 impl FreezeFrame {
     /// Keeps the first code with its time (s), measurements, and duty (%) of the high-pressure wastegate.
-    pub fn take(&mut self, code: i32, time: f64, inputs: &Inputs, duty: f64) {
+    pub fn take(&mut self, code: i32, time: f64, inputs: &Inputs, duty: Real) {
         if !self.is_taken {
             let &Inputs { engine_speed, boost_pressure, .. } = inputs;
             *self = Self { is_taken: true, code, time, engine_speed, boost_pressure, duty };
@@ -28,7 +28,7 @@ impl FreezeFrame {
     pub fn publish(&self, locals: &mut Locals) {
         locals.freeze_frame = FreezeFrameLocals {
             fault_code: self.code,
-            time: self.time,
+            time: self.time as Real,
             engine_speed: self.engine_speed,
             boost_pressure: self.boost_pressure,
             hp_wastegate_pwm: self.duty,

@@ -35,7 +35,7 @@ use super::actuator_inverse;
 use super::law::Correction;
 use super::schedule::{OperatingPoint, Schedule};
 use super::variables::{
-    ControlMode, DiagnosisLocals, DiagnosisParameters, Inputs, Locals, Outputs, Parameters,
+    ControlMode, DiagnosisLocals, DiagnosisParameters, Inputs, Locals, Outputs, Parameters, Real,
 };
 use crate::elementary::{larger, smaller};
 
@@ -43,13 +43,13 @@ pub use self::answer::Asked;
 
 /// How far boost must stay above its reference (Pa), unanswered, for least boost: as a driver notices it, and above what
 /// least boost costs him.
-pub const OVERBOOST: f64 = 20e3;
+pub const OVERBOOST: Real = 20e3;
 /// The fastest drift of a sensor (Pa/s) that counts as one: a throttle moves faster.
-const FASTEST_DRIFT: f64 = 2e3;
+const FASTEST_DRIFT: Real = 2e3;
 
 /// The share of its authority by which a drift moves the integral term: the rest is left to the correction that a
 /// healthy engine needs, from which the drift starts.
-const DRIFT: f64 = 0.5;
+const DRIFT: Real = 0.5;
 
 /// The code of each finding.
 pub const BOOST_SENSOR: i32 = 1;
@@ -142,7 +142,7 @@ pub enum BoostControl {
 pub struct Done {
     pub asked: Asked,
     /// The virtual duty (%).
-    pub duty: f64,
+    pub duty: Real,
     pub correction: Correction,
     /// Whether the tank has been full since the start.
     pub tank_has_filled: bool,
@@ -165,7 +165,7 @@ pub struct Diagnosis {
     /// The codes judged at this sample.
     judged: i32,
     /// Elapsed time of the timed pump cycle (s).
-    pump_time: f64,
+    pump_time: Real,
     frame: FreezeFrame,
 }
 
@@ -178,7 +178,7 @@ impl Diagnosis {
     pub fn check_sensors(&mut self, parameters: &Parameters, inputs: &Inputs) {
         let &Parameters { sample_time, nominal_voltage, ref diagnosis, .. } = parameters;
         self.findings.enable(diagnosis.enabled_codes);
-        let confirm = |range: &mut Confirmed, value: f64, least: f64, most: f64| {
+        let confirm = |range: &mut Confirmed, value: Real, least: Real, most: Real| {
             let is_outside = value <= least || value > most;
             range.sample(is_outside, diagnosis.confirmation_time, sample_time);
             is_outside
@@ -238,7 +238,7 @@ impl Diagnosis {
     }
 
     /// The tank pressure (Pa), if its measurement is plausible.
-    pub fn tank_pressure(&self, inputs: &Inputs) -> Option<f64> {
+    pub fn tank_pressure(&self, inputs: &Inputs) -> Option<Real> {
         self.tank_range.is_sound().then_some(inputs.tank_pressure)
     }
 
@@ -267,9 +267,9 @@ impl Diagnosis {
         parameters: &Parameters,
         inputs: &Inputs,
         schedule: Option<Schedule<'_, COLUMNS>>,
-        here: (f64, f64),
+        here: (Real, Real),
         done: &Done,
-        expected_measurement: impl FnOnce() -> f64,
+        expected_measurement: impl FnOnce() -> Real,
     ) {
         let engine_runs = inputs.engine_speed >= boost_sensor::ENGINE_RUNS_FROM;
         let Some(schedule) = schedule.filter(|_| engine_runs) else {
@@ -321,7 +321,7 @@ impl Diagnosis {
         context: &mut Context<'_>,
     ) {
         let findings = self.findings;
-        outputs.fault_code = f64::from(findings.found);
+        outputs.fault_code = findings.found as Real;
         if findings.found != 0 {
             self.frame.take(findings.found, time, inputs, outputs.hp_wastegate_pwm);
         }
@@ -344,15 +344,15 @@ impl Diagnosis {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Persistent)]
 struct Drift {
     /// The pressure that the integral term corrected at the last sample (Pa).
-    before: f64,
+    before: Real,
     /// The sum of the integral term's slow changes since it corrected little, or boost was far from its reference (Pa).
-    slow: f64,
+    slow: Real,
     /// The sum of the integral term's slow changes at one operating point (Pa), where an engine needs none.
-    at_point: f64,
+    at_point: Real,
     /// The engine speed (rpm) and the driver's reference (Pa) of the operating point; none while boost does not follow.
-    point: Option<[f64; 2]>,
+    point: Option<[Real; 2]>,
     /// How long the integral term has been at its limit (s).
-    exhausted_for: f64,
+    exhausted_for: Real,
 }
 
 impl Drift {
@@ -362,7 +362,7 @@ impl Drift {
         &mut self,
         parameters: &Parameters,
         correction: Correction,
-        point: Option<[f64; 2]>,
+        point: Option<[Real; 2]>,
         is_tracking: bool,
     ) -> bool {
         let &Parameters { sample_time, integral_authority, ref diagnosis, .. } = parameters;

@@ -36,6 +36,7 @@ pub struct Plan {
     pub(super) versions: Vec<Option<Version>>,
     pub(super) interfaces: Option<Interfaces>,
     pub(super) profile: Profile,
+    pub(super) features: Vec<String>,
     pub(super) binaries: Vec<(Platform, PathBuf)>,
     /// The package of each model.
     pub(super) models: BTreeMap<String, Package>,
@@ -177,13 +178,15 @@ impl Plan {
             self.models().collect::<Vec<_>>().join(", "),
             build.name()
         ));
-        compile(&self.metadata, self.models.values(), build, &self.profile, version, self.interfaces)
-            .with_context(|| match version {
+        let Self { metadata, models, profile, features, interfaces, .. } = self;
+        compile(metadata, models.values(), build, profile, features, version, *interfaces).with_context(
+            || match version {
                 Some(version) if self.versions.first() != Some(&Some(version)) => {
                     format!("nothing was exported as FMI {version}.0")
                 }
                 _ => "nothing was exported".to_owned(),
-            })
+            },
+        )
     }
 
     /// Writes the FMUs from the build and from libraries built elsewhere, reports them, and returns their files.
@@ -207,7 +210,7 @@ impl Plan {
             let generated = built[0].1.generated(name)?;
             let mut files = documentation(&generated, version, &libraries)?;
             files.extend(resources(&generated)?);
-            files.extend(licenses::files(name, &self.models[name], built)?);
+            files.extend(licenses::files(name, &self.models[name], &self.features, built)?);
             let mut xml = Cow::Borrowed(xml.as_str());
             if let Some(modules) = modules {
                 let sources = self.sources_of(name, identifier, modules, description)?;

@@ -106,6 +106,7 @@ impl Generator<'_, '_> {
                     )),
                     ("whole", _) => Conversion::Whole,
                     ("string" | "binary", _) => Conversion::Owned,
+                    ("real", _) => Conversion::Real,
                     _ => Conversion::None,
                 };
                 Access {
@@ -165,6 +166,8 @@ struct Access {
 /// What lies between a field and the value that is exchanged.
 enum Conversion {
     None,
+    /// Reals, of the precision in which the model computes.
+    Real,
     /// Items of the enumeration with a path.
     Enumeration(String),
     /// Integers of another size.
@@ -179,6 +182,7 @@ impl Access {
         let Self { pattern, from, conversion, .. } = self;
         let (before, after) = match conversion {
             Conversion::None => ("", ""),
+            Conversion::Real => ("f64::from(", ")"),
             Conversion::Enumeration(_) => ("", " as i32"),
             Conversion::Whole => ("", ".into()"),
             Conversion::Owned => ("&", ""),
@@ -197,6 +201,7 @@ impl Access {
         };
         let set = match conversion {
             Conversion::None => format!("self.{to} = value,"),
+            Conversion::Real => format!("self.{to} = value as Real,"),
             Conversion::Enumeration(path) => {
                 set_if(&format!("Some(item) = {path}::from_value(value)"), "item")
             }

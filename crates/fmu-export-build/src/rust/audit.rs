@@ -21,11 +21,11 @@ impl Generator<'_, '_> {
                 (scalar.place.field_name(), scalar.value_reference, self.stride(variable));
             let numbers = if variable.is_array() {
                 let numbers = format!("{place}.{}[..]", self.flat(variable, false));
-                sums.add(&format!("::fmu_export::typed::sum_of_magnitudes(&self.{numbers})"));
+                sums.add_all(&numbers);
                 format!("&variables.{numbers}")
             } else {
                 let path = full_path(scalar);
-                sums.add(&format!("self.{path}.abs()"));
+                sums.add(&path);
                 format!("::core::slice::from_ref(&variables.{path})")
             };
             let _ = writeln!(reals, "                ({reference}, {stride}, {numbers}),");
@@ -39,7 +39,7 @@ impl Generator<'_, '_> {
         }}
         #[cold]
         fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {{
-            let reals: &[(fmi::ValueReference, fmi::ValueReference, &[f64])] = &[
+            let reals: &[(fmi::ValueReference, fmi::ValueReference, &[Real])] = &[
 {reals}            ];
             reals.iter().find_map(|(first, stride, values)| {{
                 let element = values.iter().position(|value| !value.is_finite())?;
@@ -57,9 +57,9 @@ impl Generator<'_, '_> {
         let (mut forget, mut sums) = (String::new(), Sums::default());
         for variable in &self.variables {
             let scalar = self.first(variable);
-            let (number, is_real) = match scalar.data_type.data_type() {
-                DataType::Real => ("f64", true),
-                DataType::Float32 => ("f32", false),
+            let number = match scalar.data_type.data_type() {
+                DataType::Real => "Real",
+                DataType::Float32 => "f32",
                 _ => continue,
             };
             if !is_evaluated(scalar) || scalar.variability != Variability::Continuous {
@@ -72,20 +72,11 @@ impl Generator<'_, '_> {
                     "        self.{place}.{}.fill({number}::NAN);",
                     self.flat(variable, true)
                 );
-                let flat = self.flat(variable, false);
-                sums.add(&if is_real {
-                    format!("::fmu_export::typed::sum_of_magnitudes(&self.{place}.{flat}[..])")
-                } else {
-                    format!("self.{place}.{flat}.iter().map(|number| f64::from(number.abs())).sum::<f64>()")
-                });
+                sums.add_all(&format!("{place}.{}[..]", self.flat(variable, false)));
             } else {
                 let path = full_path(scalar);
                 let _ = writeln!(forget, "        self.{path} = {number}::NAN;");
-                sums.add(&if is_real {
-                    format!("self.{path}.abs()")
-                } else {
-                    format!("f64::from(self.{path}.abs())")
-                });
+                sums.add(&path);
             }
         }
         if forget.is_empty() {
@@ -145,7 +136,17 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, term: &str) {
+    /// Adds the magnitude of the number at a path in the variables.
+    fn add(&mut self, path: &str) {
+        self.add_term(&format!("f64::from(self.{path}.abs())"));
+    }
+
+    /// Adds the magnitudes of the numbers in a slice.
+    fn add_all(&mut self, slice: &str) {
+        self.add_term(&format!("::fmu_export::typed::sum_of_magnitudes(&self.{slice})"));
+    }
+
+    fn add_term(&mut self, term: &str) {
         let _ = write!(self.parts[self.count % 4], " + {term}");
         self.count += 1;
     }

@@ -257,8 +257,15 @@ impl<'m, 'a> Generator<'m, 'a> {
                 };
                 (bound(values().reduce(f64::min), "0.0"), bound(values().reduce(f64::max), "0.0"))
             }
-            ValueType::Standard(_) => {
-                (bound(scalar.quantity.min, "f64::NEG_INFINITY"), bound(scalar.quantity.max, "f64::INFINITY"))
+            ValueType::Standard(data_type) => {
+                let [least, most] = match data_type {
+                    // Beyond, it would be infinite.
+                    DataType::Real if self.model.is_single_precision => {
+                        ["f32::MIN as f64", "f32::MAX as f64"]
+                    }
+                    _ => ["f64::NEG_INFINITY", "f64::INFINITY"],
+                };
+                (bound(scalar.quantity.min, least), bound(scalar.quantity.max, most))
             }
         }
     }

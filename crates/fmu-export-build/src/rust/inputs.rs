@@ -15,14 +15,17 @@ impl Generator<'_, '_> {
                     first + variable.positions.len(),
                     [false, true].map(|is_mutable| self.flat(variable, is_mutable)),
                 );
-                let _ = writeln!(getters, "            {first}..{end} => self.{flat}[position - {first}],");
+                let _ = writeln!(
+                    getters,
+                    "            {first}..{end} => f64::from(self.{flat}[position - {first}]),"
+                );
                 let _ = writeln!(
                     setters,
-                    "        self.{flat_mut}.iter_mut().enumerate().for_each(|(index, input)| *input = value({first} + index));"
+                    "        self.{flat_mut}.iter_mut().enumerate().for_each(|(index, input)| *input = value({first} + index) as Real);"
                 );
             } else {
-                let _ = writeln!(getters, "            {first} => self.{path},");
-                let _ = writeln!(setters, "        self.{path} = value({first});");
+                let _ = writeln!(getters, "            {first} => f64::from(self.{path}),");
+                let _ = writeln!(setters, "        self.{path} = value({first}) as Real;");
             }
         }
         let bounds = repeated(

@@ -206,6 +206,35 @@ fn the_interface_needs_no_operating_system() {
     assert!(!Path::new(&generated.variables.with_file_name("model.a2l")).exists());
 }
 
+/// The numbers in the variables are `f32`; what others see of them stays the same, but for bounds beyond which they would be
+/// infinite. States are integrated, and stay `f64`.
+#[test]
+fn a_model_computes_in_single_precision() {
+    let generate = |name: &str, model: &str, is_single_precision: bool| {
+        let folder = folder(name);
+        let file = folder.join("model.json");
+        fs::write(&file, model).expect("the folder for tests is writable");
+        let package = Package { is_single_precision, ..package() };
+        let generated = generate_into(&file, &folder, &package, Interfaces::CoSimulation);
+        let variables = generated.expect("the model is right").variables;
+        let text = read(&variables);
+        let seen = ["modelDescription.xml", "model.a2l", "index.html"]
+            .map(|file| read(&variables.with_file_name(file)));
+        (text, seen)
+    };
+    let [(double, seen_of_double), (single, seen_of_single)] =
+        [("double", false), ("single", true)].map(|(name, is_single)| generate(name, MODEL, is_single));
+    assert_eq!(seen_of_single, seen_of_double);
+    assert!(double.contains("pub type Real = f64;") && double.contains("pub gain: [[T; 20]; 30],"));
+    assert!(single.contains("pub type Real = f32;") && single.contains("pub gain: [[f32; 20]; 30],"));
+    assert!(single.contains("RealInput { min: 0.0, max: f32::MAX as f64 }"), "{single}");
+    let state =
+        r#""variables": [{"name": "x", "unit": "m", "causality": "output", "derivative": true, "start": 1},"#;
+    let model = MODEL.replacen("\"variables\": [", state, 1);
+    let (integrated, _) = generate("integrated", &model, true);
+    assert!(integrated.contains("pub type Real = f64;") && integrated.contains("pub gain: [[T; 20]; 30],"));
+}
+
 #[test]
 fn what_needs_an_operating_system_is_refused_by_name() {
     let with = |text: &str| MODEL.replacen("\"variables\": [", text, 1);

@@ -43,15 +43,16 @@ pub const fn repeated<T: Copy, const N: usize>(runs: &[(usize, T)]) -> [T; N] {
 /// The sum of magnitudes, in four parts that do not wait for each other.
 #[doc(hidden)]
 #[must_use]
-pub fn sum_of_magnitudes(numbers: &[f64]) -> f64 {
+pub fn sum_of_magnitudes<T: Copy + Into<f64>>(numbers: &[T]) -> f64 {
+    let magnitude = |&number: &T| number.into().abs();
     let (fours, rest) = numbers.as_chunks::<4>();
     let mut sums = [0.0; 4];
     for four in fours {
         for (sum, number) in sums.iter_mut().zip(four) {
-            *sum += number.abs();
+            *sum += magnitude(number);
         }
     }
-    sums.iter().chain(rest).map(|number| number.abs()).sum()
+    sums.into_iter().chain(rest.iter().map(magnitude)).sum()
 }
 
 /// Maps generated structs, generic over their number type, number by number. Each field is a `number` (with an array's

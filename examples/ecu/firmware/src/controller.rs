@@ -77,7 +77,7 @@ impl Controller {
 
     /// The sample period in s.
     pub fn period(&self) -> f64 {
-        self.task.variables.parameters.sample_time
+        self.task.variables.parameters.sample_time.into()
     }
 
     /// Writes cells to the calibration page, after the number of the first one.
@@ -131,7 +131,7 @@ impl Controller {
         self.missing = self.missing.saturating_add(1);
         // As long as a measurement must be implausible to count as a fault.
         let most = self.task.variables.parameters.diagnosis.confirmation_time;
-        self.limps_home |= f64::from(self.missing) * self.period() > most;
+        self.limps_home |= f64::from(self.missing) * self.period() > most.into();
         let done = if self.limps_home { Ok(()) } else { self.execute() };
         self.limps_home |= done.is_err();
         if self.limps_home {

@@ -1,5 +1,5 @@
-//! Firmware that runs every function of `Number`: a frame with two numbers and their derivatives gets the results as numbers
-//! with derivatives, and as `f64`.
+//! Firmware that runs every function of `Number` and `Float`: a frame with two numbers and their derivatives gets the results
+//! as `f64`, as numbers with derivatives, and as `f32`.
 #![no_std]
 #![no_main]
 
@@ -11,6 +11,7 @@ mod functions;
 use cortex_m_rt::entry;
 use fmu_export::Dual;
 use fmu_export::frames::{self, Kind, Receiver};
+use functions::{float, number};
 
 #[entry]
 fn main() -> ! {
@@ -23,9 +24,10 @@ fn main() -> ! {
             let mut numbers = frames::cells(content).map(f64::from_bits);
             let mut next = || numbers.next().unwrap_or(f64::NAN);
             let [x, y] = [Dual::new(next(), next()), Dual::new(next(), next())];
-            let values = functions::all(x.value, y.value).into_iter();
-            let duals = functions::all(x, y).into_iter().flat_map(|dual| [dual.value, dual.derivative]);
-            let results = values.chain(duals).map(f64::to_bits);
+            let values = number::all(x.value, y.value).into_iter();
+            let duals = number::all(x, y).into_iter().flat_map(|dual| [dual.value, dual.derivative]);
+            let singles = float::all(x.value as f32, y.value as f32).into_iter().map(f64::from);
+            let results = values.chain(duals).chain(singles).map(f64::to_bits);
             frames::send(Kind::Answer, frames::bytes(results), |byte| line.send(byte));
         }
         board::wait();

@@ -58,7 +58,7 @@ impl Sampled for InTheLoop {
     type Variables = Variables;
 
     fn period(variables: &Variables) -> f64 {
-        variables.parameters.sample_time
+        f64::from(variables.parameters.sample_time)
     }
 
     fn initialize(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {

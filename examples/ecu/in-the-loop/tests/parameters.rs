@@ -1,4 +1,4 @@
-//! The firmware with a parameter set in its reference page computes what the same task computes here.
+//! The firmware in `f32`, with a parameter set in its reference page, computes what the same task computes here.
 
 use std::fmt::Arguments;
 use std::fs;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use BoostControllerInTheLoop::ecu::Ecu;
 use boost_fmu::controller::ControlLaw;
-use boost_fmu::controller::variables::{FeedbackStructure, Strategy, Variables};
+use boost_fmu::controller::variables::{FeedbackStructure, Real, Strategy, Variables};
 use fmu_export::persistence::Archive;
 use fmu_export::{Context, Experiment, Persistent as _, Task, calibration};
 
@@ -18,21 +18,15 @@ fn archived(variables: &mut Variables) -> Vec<u8> {
     archive.into_bytes()
 }
 
-#[test]
-fn the_reference_page_has_the_parameter_set() {
-    // `paper_structure` is compiled with the set of that name, beside the firmware's folder.
-    let folder = Path::new(env!("ECU_IMAGE")).ancestors().nth(3).unwrap();
-    let image = fs::read(folder.join("paper_structure")).unwrap();
-    let mut ecu = Ecu::start_with(&image, 0, &[]).unwrap();
+/// Drives firmware and task through 200 samples on the reference day, where no function of a library is called but roots, which
+/// are exact.
+fn assert_same(ecu: &mut Ecu, task: &mut Task<ControlLaw>) {
     let mut log = |_: &'static str, _: Arguments<'_>| {};
     let mut context = Context::new(Experiment::default(), &mut log);
-    let mut task = Task::<ControlLaw>::default();
-    let parameters = &mut task.variables.parameters;
-    (parameters.structure, parameters.strategy) = (FeedbackStructure::Paper, Strategy::BySpeed);
-    for number in 0..200 {
+    for number in 0..200_u8 {
         let inputs = &mut task.variables.inputs;
-        inputs.engine_speed = 1500.0 + 5.0 * f64::from(number);
-        inputs.boost_pressure = 120e3 + 100.0 * f64::from(number % 30);
+        inputs.engine_speed = 1500.0 + 5.0 * Real::from(number);
+        inputs.boost_pressure = 120e3 + 100.0 * Real::from(number % 30);
         inputs.boost_reference = 150e3;
         let mut cells = calibration::inputs(&task.variables).collect::<Vec<_>>().into_iter();
         if number == 0 {
@@ -44,4 +38,19 @@ fn the_reference_page_has_the_parameter_set() {
         }
         assert_eq!(ecu.answer(&mut context).unwrap(), archived(&mut task.variables), "{number}");
     }
+}
+
+#[test]
+fn a_compiled_set_and_a_page_give_what_the_task_gives() {
+    // It is compiled with the set of that name, and with `f32`, beside the firmware's folder.
+    let folder = Path::new(env!("ECU_IMAGE")).ancestors().nth(3).unwrap();
+    let image = fs::read(folder.join("paper_structure_f32")).unwrap();
+    let mut ecu = Ecu::start_with(&image, 0, &[]).unwrap();
+    let mut task = Task::<ControlLaw>::default();
+    let parameters = &mut task.variables.parameters;
+    (parameters.structure, parameters.strategy) = (FeedbackStructure::Paper, Strategy::BySpeed);
+    assert_same(&mut ecu, &mut task);
+    let mut task = Task::<ControlLaw>::default();
+    ecu.write_page(&calibration::page(&task.variables).collect::<Vec<_>>()).unwrap();
+    assert_same(&mut ecu, &mut task);
 }

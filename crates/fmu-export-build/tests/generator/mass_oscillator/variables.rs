@@ -10,6 +10,9 @@ pub use ::fmu_export::fmi2_co_simulation as export_functions;
 mod generated {
 use ::fmu_export::description as fmi;
 
+/// The numbers of Reals: `f64`, or with the package's feature `f32` that type.
+pub type Real = f64;
+
 /// The parameters of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameters<T = f64> {
@@ -191,14 +194,14 @@ impl ::fmu_export::Inputs for Inputs {
 
     fn real(&self, position: usize) -> f64 {
         match position {
-            0 => self.force,
+            0 => f64::from(self.force),
             _ => 0.0,
         }
     }
 
     fn set_reals(&mut self, value: impl Fn(usize) -> f64) {
         let _ = &value;
-        self.force = value(0);
+        self.force = value(0) as Real;
     }
 }
 
@@ -241,17 +244,17 @@ impl ::fmu_export::Accessed for Variables {
 
     fn real(&self, reference: fmi::ValueReference) -> f64 {
         match reference {
-            100 => self.inputs.force,
-            3 => self.states.position,
-            4 => self.derivatives.position,
-            1 => self.states.velocity,
-            50 => self.derivatives.velocity,
-            2 => self.outputs.energy,
-            5 => self.outputs.power,
-            6 => self.outputs.loss,
-            7 => self.parameters.stiffness,
-            10..=11 => self.states.wear[(reference - 10) as usize],
-            20..=21 => self.derivatives.wear[(reference - 20) as usize],
+            100 => f64::from(self.inputs.force),
+            3 => f64::from(self.states.position),
+            4 => f64::from(self.derivatives.position),
+            1 => f64::from(self.states.velocity),
+            50 => f64::from(self.derivatives.velocity),
+            2 => f64::from(self.outputs.energy),
+            5 => f64::from(self.outputs.power),
+            6 => f64::from(self.outputs.loss),
+            7 => f64::from(self.parameters.stiffness),
+            10..=11 => f64::from(self.states.wear[(reference - 10) as usize]),
+            20..=21 => f64::from(self.derivatives.wear[(reference - 20) as usize]),
             _ => 0.0,
         }
     }
@@ -262,17 +265,17 @@ impl ::fmu_export::Accessed for Variables {
             let variables = ::core::hint::black_box(self);
             let number = match reference {
                 0 => time,
-                100 => variables.inputs.force,
-                3 => variables.states.position,
-                4 => variables.derivatives.position,
-                1 => variables.states.velocity,
-                50 => variables.derivatives.velocity,
-                2 => variables.outputs.energy,
-                5 => variables.outputs.power,
-                6 => variables.outputs.loss,
-                7 => variables.parameters.stiffness,
-                10..=11 => variables.states.wear[(reference - 10) as usize],
-                20..=21 => variables.derivatives.wear[(reference - 20) as usize],
+                100 => f64::from(variables.inputs.force),
+                3 => f64::from(variables.states.position),
+                4 => f64::from(variables.derivatives.position),
+                1 => f64::from(variables.states.velocity),
+                50 => f64::from(variables.derivatives.velocity),
+                2 => f64::from(variables.outputs.energy),
+                5 => f64::from(variables.outputs.power),
+                6 => f64::from(variables.outputs.loss),
+                7 => f64::from(variables.parameters.stiffness),
+                10..=11 => f64::from(variables.states.wear[(reference - 10) as usize]),
+                20..=21 => f64::from(variables.derivatives.wear[(reference - 20) as usize]),
                 _ => f64::NAN,
             };
             if number.is_finite() {
@@ -287,11 +290,11 @@ impl ::fmu_export::Accessed for Variables {
     fn set_real(&mut self, reference: fmi::ValueReference, value: f64) {
         let _ = value;
         match reference {
-            100 => self.inputs.force = value,
-            3 => self.start.position = value,
-            1 => self.start.velocity = value,
-            7 => self.parameters.stiffness = value,
-            10..=11 => self.start.wear[(reference - 10) as usize] = value,
+            100 => self.inputs.force = value as Real,
+            3 => self.start.position = value as Real,
+            1 => self.start.velocity = value as Real,
+            7 => self.parameters.stiffness = value as Real,
+            10..=11 => self.start.wear[(reference - 10) as usize] = value as Real,
             _ => {}
         }
     }
@@ -345,20 +348,20 @@ impl ::fmu_export::Accessed for Variables {
     }
 
     fn forget_continuous(&mut self) {
-        self.derivatives.position = f64::NAN;
-        self.derivatives.velocity = f64::NAN;
-        self.outputs.energy = f64::NAN;
-        self.outputs.power = f64::NAN;
-        self.outputs.loss = f64::NAN;
-        self.derivatives.wear.fill(f64::NAN);
+        self.derivatives.position = Real::NAN;
+        self.derivatives.velocity = Real::NAN;
+        self.outputs.energy = Real::NAN;
+        self.outputs.power = Real::NAN;
+        self.outputs.loss = Real::NAN;
+        self.derivatives.wear.fill(Real::NAN);
     }
 
     fn has_finite_results(&self) -> bool {
         let sums: [f64; 4] = [
-            0.0 + self.derivatives.position.abs() + self.outputs.loss.abs(),
-            0.0 + self.derivatives.velocity.abs() + ::fmu_export::typed::sum_of_magnitudes(&self.derivatives.wear[..]),
-            0.0 + self.outputs.energy.abs(),
-            0.0 + self.outputs.power.abs(),
+            0.0 + f64::from(self.derivatives.position.abs()) + f64::from(self.outputs.loss.abs()),
+            0.0 + f64::from(self.derivatives.velocity.abs()) + ::fmu_export::typed::sum_of_magnitudes(&self.derivatives.wear[..]),
+            0.0 + f64::from(self.outputs.energy.abs()),
+            0.0 + f64::from(self.outputs.power.abs()),
         ];
         ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite()
     }
@@ -366,17 +369,17 @@ impl ::fmu_export::Accessed for Variables {
     fn first_non_finite(&self) -> ::core::option::Option<fmi::ValueReference> {
         // Fast if their sum is finite.
         let sums: [f64; 4] = [
-            0.0 + self.states.position.abs() + self.derivatives.velocity.abs() + self.outputs.loss.abs(),
-            0.0 + self.states.velocity.abs() + ::fmu_export::typed::sum_of_magnitudes(&self.derivatives.wear[..]),
-            0.0 + ::fmu_export::typed::sum_of_magnitudes(&self.states.wear[..]) + self.outputs.energy.abs(),
-            0.0 + self.derivatives.position.abs() + self.outputs.power.abs(),
+            0.0 + f64::from(self.states.position.abs()) + f64::from(self.derivatives.velocity.abs()) + f64::from(self.outputs.loss.abs()),
+            0.0 + f64::from(self.states.velocity.abs()) + ::fmu_export::typed::sum_of_magnitudes(&self.derivatives.wear[..]),
+            0.0 + ::fmu_export::typed::sum_of_magnitudes(&self.states.wear[..]) + f64::from(self.outputs.energy.abs()),
+            0.0 + f64::from(self.derivatives.position.abs()) + f64::from(self.outputs.power.abs()),
         ];
         if ((sums[0] + sums[1]) + (sums[2] + sums[3])).is_finite() {
             return ::core::option::Option::None;
         }
         #[cold]
         fn find(variables: &Variables) -> ::core::option::Option<fmi::ValueReference> {
-            let reals: &[(fmi::ValueReference, fmi::ValueReference, &[f64])] = &[
+            let reals: &[(fmi::ValueReference, fmi::ValueReference, &[Real])] = &[
                 (3, 1, ::core::slice::from_ref(&variables.states.position)),
                 (1, 1, ::core::slice::from_ref(&variables.states.velocity)),
                 (10, 1, &variables.states.wear[..]),

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use BoostControllerInTheLoop::ecu::{Ecu, IMAGE};
 use BoostControllerInTheLoop::image::Image;
-use BoostControllerInTheLoop::variables::Variables;
+use BoostControllerInTheLoop::variables::{Real, Variables};
 use fmu_export::calibration;
 use fmu_export::frames::{self, Kind};
 use fmu_export::{Context, Experiment};
@@ -82,15 +82,15 @@ struct Drive {
 
 /// Drives the firmware with measurements that jump and drift at random, at an ambient pressure (Pa) and temperature (K);
 /// 0 is no measurement, with which the controller works as on the reference day.
-fn drive([pressure, temperature]: [f64; 2]) -> Result<Drive, Box<dyn Error>> {
+fn drive([pressure, temperature]: [Real; 2]) -> Result<Drive, Box<dyn Error>> {
     let mut ecu = Ecu::start_with(IMAGE, SHIFT, &[])?;
     let mut log = |_: &'static str, _: std::fmt::Arguments<'_>| {};
     let mut context = Context::new(Experiment::default(), &mut log);
     // Knuth's MMIX generator (The Art of Computer Programming, volume 2, section 3.3.4).
     let mut random = 1_u64;
-    let mut below = |most: f64| {
+    let mut below = |most: Real| {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (random >> 11) as f64 / (1_u64 << 53) as f64 * most
+        (random >> 11) as Real / (1_u64 << 53) as Real * most
     };
     let mut variables = Variables::default();
     (variables.inputs.ambient_pressure, variables.inputs.ambient_temperature) = (pressure, temperature);
