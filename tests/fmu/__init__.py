@@ -24,9 +24,3 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 def csv_lines(path: Path) -> list[str]:
     """A CSV file's lines without the row of units."""
     return [line for line in path.read_text().splitlines(keepends=True) if not line.startswith("#")]
-
-
-def finished(journal: Path) -> tuple[str, list[str]]:
-    """A journal's line of settings, and those of finished parts."""
-    settings, *lines = journal.read_text().splitlines(keepends=True)
-    return settings, [line for line in lines if line.startswith('{"finished":')]

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,9 @@ import pyarrow.parquet
 import pytest
 from dask.distributed import Client, LocalCluster, Worker, WorkerPlugin
 
-from fmu import ROOT, Run, csv_lines, finished
+from fmu import ROOT, Run, csv_lines
 from fmu.broken import copy_with
+from fmu.resuming import finished, resume
 
 SCENARIO = """
 step = 0.0125
@@ -172,33 +174,18 @@ def test_results_do_not_depend_on_the_workers(
 def test_a_study_that_was_ended_is_resumed(
     cargo_fmu: Run, exported: Path, study: Path, results: Path, tmp_path: Path
 ) -> None:
-    """From the journal of an end within a line, which is ignored: the same results, and no run runs twice.
-
-    That each run is in the journal once it is done is tested in crates/cargo-fmu/tests/running/main.rs.
-    """
-    settings, runs = finished(results / "journal.jsonl")
-    journal = tmp_path / "journal.jsonl"
+    """That each run is in the journal once it is done is tested in crates/cargo-fmu/tests/running/main.rs."""
     (tmp_path / "records").mkdir()
-    for line in runs[:3]:
+    for line in finished(results / "journal.jsonl")[1][:3]:
         record = Path("records", f"{number(line)}.csv")
         if (results / record).exists():
             shutil.copy(results / record, tmp_path / record)
-    before = [settings, *runs[:3]]
-    journal.write_text("".join(before) + '{"finished":{"run":11,"error":null,"meas')
-
-    arguments = ["sweep", study, "--fmus", exported, "--out", tmp_path]
-    done = cargo_fmu(*arguments)
+    files = ["results.csv", "results.parquet", "records/0.csv", "records/11.csv"]
+    sweep = partial(cargo_fmu, "sweep", study, "--fmus", exported, "--out", tmp_path)
+    done = resume(sweep, results, tmp_path, 3, files)
     assert done.returncode == FAILED_RUNS, done.stderr
     assert "3 of 12 runs are in the journal" in done.stdout
-    for file in ["results.csv", "results.parquet", *(f"records/{run}.csv" for run in (0, 11))]:
-        assert (tmp_path / file).read_bytes() == (results / file).read_bytes(), file
-    lines = journal.read_text().splitlines(keepends=True)
-    assert lines[: len(before)] == before
-    assert sorted(map(number, finished(journal)[1])) == list(range(12))
-
-    done = cargo_fmu(*arguments)
-    assert "12 of 12 runs are in the journal" in done.stdout
-    assert journal.read_text().splitlines(keepends=True) == lines
+    assert "12 of 12 runs are in the journal" in sweep().stdout
 
 
 @pytest.mark.parametrize(
