@@ -143,6 +143,7 @@ impl Sampled for ControlLaw {
     type Variables = Variables;
     const LONGEST_STEP: f64 = LONGEST_STEP;
 
+    #[allow(clippy::useless_conversion, reason = "`Real` may be `f32`")]
     fn period(variables: &Variables) -> f64 {
         f64::from(variables.parameters.sample_time)
     }

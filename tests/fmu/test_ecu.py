@@ -16,7 +16,7 @@ from fmu.master import Fmu, Instance, Reals
 
 IN_THE_LOOP = TARGET / "ecu/BoostControllerInTheLoop.fmu"
 CONTROLLER = TARGET / "fmu/BoostController.fmu"
-SINGLE_PRECISION = TARGET / "ecu/f32/BoostController.fmu"
+SINGLE_PRECISION = TARGET / "ecu/single/BoostController.fmu"
 PERIOD = 0.0125
 
 

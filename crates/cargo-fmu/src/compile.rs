@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use anyhow::{Context, Result, bail};
 use fmu_io::reading;
 use fmu_package::{FmuDescription, MODEL_DESCRIPTION};
-use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
+use fmu_terms::{INTERFACES_VARIABLE, Interfaces, PRECISION_VARIABLE, Precision, VERSION_VARIABLE, Version};
 
 use super::generation::GeneratedInterface;
 use super::metadata::{Message, Metadata, Package};
@@ -64,20 +64,20 @@ pub struct GeneratedDescription {
     pub content: FmuDescription,
 }
 
-/// Compiles packages of a workspace with a profile and features, for the chosen FMI version and interfaces, if any; cargo
-/// reports progress on stderr.
+/// Compiles packages of a workspace with a profile, for the chosen FMI version, interfaces and precision, if any; cargo reports
+/// progress on stderr.
 pub fn compile<'a>(
     metadata: &Metadata,
     packages: impl Iterator<Item = &'a Package>,
     build: &dyn Made,
     profile: &Profile,
-    features: &[String],
     version: Option<Version>,
     interfaces: Option<Interfaces>,
+    precision: Option<Precision>,
 ) -> Result<Compiled> {
     let packages: Vec<_> = packages.collect();
     let interfaces_in_place =
-        GeneratedInterface::generate_all(metadata, packages.iter().copied(), version, interfaces)?;
+        GeneratedInterface::generate_all(metadata, packages.iter().copied(), version, interfaces, precision)?;
     let mut command = build.command(&metadata.target_directory, profile);
     for interface in &interfaces_in_place {
         interface.configure(&mut command, build.rust_target()?)?;
@@ -94,10 +94,12 @@ pub fn compile<'a>(
     if let Some(interfaces) = interfaces {
         command.env(INTERFACES_VARIABLE, interfaces.to_string());
     }
+    if let Some(precision) = precision {
+        command.env(PRECISION_VARIABLE, precision.to_string());
+    }
     for package in &packages {
         command.args(["--package", &package.name]);
     }
-    choose_features(&mut command, features);
     let mut child = command.spawn().context("cannot run cargo; install Rust, or set CARGO to its path")?;
     let stdout = child.stdout.take().context("cargo has no output")?;
     let mut compiled = Compiled { libraries: BTreeMap::new(), generated: vec![], folders: BTreeMap::new() };
@@ -127,13 +129,6 @@ pub fn compile<'a>(
     // After those of the build scripts that cargo has run.
     compiled.generated.extend(interfaces_in_place.into_iter().map(|interface| interface.folder));
     Ok(compiled)
-}
-
-/// Switches features on in a command of cargo.
-pub fn choose_features(command: &mut Command, features: &[String]) {
-    if !features.is_empty() {
-        command.args(["--features", &features.join(",")]);
-    }
 }
 
 /// Name and version in a package identifier: a URL with both after `#`, or only the version if the URL ends with the

@@ -17,7 +17,7 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use fmu_io::terminal::{complain, program};
 use fmu_package::Platform;
-use fmu_terms::{Interface, Interfaces, Version};
+use fmu_terms::{Interface, Interfaces, Precision, Version};
 
 pub use self::packing::say;
 pub use self::plan::Plan;
@@ -53,13 +53,14 @@ pub struct Export {
     /// FMI interfaces [default: the variable `FMU_INTERFACES`, else cs]
     #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
     interfaces: Option<Interfaces>,
+    /// Precision of models without states, such as controllers; see docs/ecu.md [default: the variable `FMU_PRECISION`, else
+    /// double]
+    #[arg(long, value_name = "PRECISION", value_parser = precisions())]
+    precision: Option<Precision>,
     /// Cargo profile for the libraries; `dev` compiles faster and checks for overflow [default: fmu-library, or release if
     /// Cargo.toml has no such profile]
     #[arg(long, value_name = "PROFILE")]
     profile: Option<Profile>,
-    /// Features of the packages to switch on, as in cargo
-    #[arg(long, value_name = "FEATURES", value_delimiter = ',')]
-    features: Vec<String>,
     /// A library built elsewhere from the same sources, with its platform
     #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = of_platform::<PathBuf>)]
     binaries: Vec<(Platform, PathBuf)>,
@@ -110,7 +111,7 @@ impl Export {
         let models = choose(&metadata, &self.models, &self.packages)?;
         let folder = self.folder.unwrap_or("fmu");
         let out = self.out.unwrap_or_else(|| metadata.target_directory.join(folder));
-        let Self { mut versions, interfaces, profile, binaries, .. } = self;
+        let Self { mut versions, interfaces, precision, profile, binaries, .. } = self;
         if interfaces == Some(Interfaces::ScheduledExecution) && versions.contains(&Version::Two) {
             bail!("--interfaces se needs FMI 3.0, but --fmi is 2");
         }
@@ -118,7 +119,7 @@ impl Export {
         versions.dedup();
         let versions =
             if versions.is_empty() { vec![None] } else { versions.into_iter().map(Some).collect() };
-        let Self { wasm, sources, no_type_descriptions, features, .. } = self;
+        let Self { wasm, sources, no_type_descriptions, .. } = self;
         let profile = profile.unwrap_or_default();
         let describes_types = !no_type_descriptions;
         Ok(Plan {
@@ -129,8 +130,8 @@ impl Export {
             describes_types,
             versions,
             interfaces,
+            precision,
             profile,
-            features,
             binaries,
             models,
             out,
@@ -182,6 +183,17 @@ fn interfaces() -> impl TypedValueParser<Value = Interfaces> {
         }
     });
     PossibleValuesParser::new(values).try_map(|text| text.parse::<Interfaces>())
+}
+
+/// The values of `--precision`.
+fn precisions() -> impl TypedValueParser<Value = Precision> {
+    let values = Precision::ALL.map(|precision| {
+        PossibleValue::new(precision.as_str()).help(match precision {
+            Precision::Double => "`f64`",
+            Precision::Single => "`f32`, as on an ECU without double precision",
+        })
+    });
+    PossibleValuesParser::new(values).try_map(|text| text.parse::<Precision>())
 }
 
 /// The requested models, by identifier.

@@ -11,9 +11,9 @@ use std::process::Command;
 use std::time::SystemTime;
 
 use anyhow::{Error, Result, bail};
-use fmu_export_build::{Fmi, IDENTIFIER_VARIABLE, SINGLE_PRECISION, generate_into};
+use fmu_export_build::{Fmi, IDENTIFIER_VARIABLE, chosen_precision, generate_into};
 use fmu_io::terminal::complain;
-use fmu_terms::{Interfaces, Version};
+use fmu_terms::{Interfaces, Precision, Version};
 
 use super::metadata::{Metadata, Package};
 use super::new::{BUILD_SCRIPT, DECLARATION, checkout};
@@ -42,12 +42,14 @@ impl GeneratedInterface {
         packages: impl Iterator<Item = &'a Package>,
         version: Option<Version>,
         interfaces: Option<Interfaces>,
+        precision: Option<Precision>,
     ) -> Result<Vec<Self>> {
         let mut packages = packages.filter(|package| has_build_script_of_new(package)).peekable();
         if packages.peek().is_none() || !is_their_generator(metadata) {
             return Ok(vec![]);
         }
-        let generated = packages.map(|package| Self::generate(metadata, package, version, interfaces));
+        let generated =
+            packages.map(|package| Self::generate(metadata, package, version, interfaces, precision));
         Ok(generated.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     }
 
@@ -57,15 +59,17 @@ impl GeneratedInterface {
         package: &Package,
         version: Option<Version>,
         interfaces: Option<Interfaces>,
+        precision: Option<Precision>,
     ) -> Result<Option<Self>> {
         let Some(links) = package.links.clone() else { return Ok(None) };
         let root = shown(package.folder());
         let declaration = root.join(DECLARATION);
         let fmi = Fmi::chosen(&declaration, version, interfaces).map_err(Error::msg)?;
-        let choice = format!("fmu-generated/{}-{}", fmi.version, fmi.interfaces);
+        let precision = chosen_precision(precision).map_err(Error::msg)?;
+        let choice = format!("fmu-generated/{}-{}-{precision}", fmi.version, fmi.interfaces);
         let folder = metadata.target_directory.join(choice);
         let name = format!("{}@{}", package.name, package.version);
-        let generated = generate_into(&declaration, &folder, &package.of_declaration(), fmi)
+        let generated = generate_into(&declaration, &folder, &package.of_declaration(precision), fmi)
             .and_then(|generated| generated.used_in(&root, &declaration));
         let generated = match generated {
             Ok(generated) => generated,
@@ -103,8 +107,6 @@ impl GeneratedInterface {
 fn has_build_script_of_new(package: &Package) -> bool {
     let script = fs::read_to_string(package.folder().join("build.rs"));
     package.links.is_some()
-        // Cargo tells the script alone whether the feature is on.
-        && !package.features.contains_key(SINGLE_PRECISION)
         && script.is_ok_and(|script| script.split_whitespace().eq(BUILD_SCRIPT.split_whitespace()))
 }
 

@@ -13,7 +13,7 @@ use std::process::Command;
 use anyhow::{Context, Result, bail};
 use fmu_io::reading;
 
-use super::compile::{Compiled, choose_features};
+use super::compile::Compiled;
 use super::metadata::Package;
 use super::metadata::cargo;
 use super::target::Build;
@@ -44,15 +44,10 @@ struct Linked {
 ///
 /// # Errors
 /// When cargo or rustc fail, or a license cannot be read.
-pub fn files(
-    model: &str,
-    package: &Package,
-    features: &[String],
-    built: &[(Build, Compiled)],
-) -> Result<Vec<(String, Vec<u8>)>> {
+pub fn files(model: &str, package: &Package, built: &[(Build, Compiled)]) -> Result<Vec<(String, Vec<u8>)>> {
     let mut texts = BTreeMap::new();
     for (build, compiled) in built {
-        for package in linked(package, features, build)? {
+        for package in linked(package, build)? {
             let folder = compiled.folder(&package.name);
             let folder = folder.with_context(|| format!("cargo compiled no {}", package.name))?;
             let files = texts_of(folder)?;
@@ -68,12 +63,11 @@ pub fn files(
 
 /// What is linked into a package's library: its run-time dependencies, without build dependencies such as build
 /// scripts and procedural macros.
-fn linked(package: &Package, features: &[String], build: &Build) -> Result<BTreeSet<Linked>> {
+fn linked(package: &Package, build: &Build) -> Result<BTreeSet<Linked>> {
     let mut cargo = cargo();
     cargo.args(["tree", "--edges", "normal,no-proc-macro", "--prefix", "none"]);
     cargo.arg("--manifest-path").arg(&package.manifest_path);
     cargo.args(["--format", "{p}\t{l}\t{r}"]);
-    choose_features(&mut cargo, features);
     if let Some(triple) = build.triple() {
         cargo.args(["--target", triple]);
     }

@@ -1,11 +1,11 @@
 //! Cargo's JSON output about a workspace and a build (the Cargo Book, "cargo metadata" and "External tools").
 
-use std::collections::BTreeMap;
 use std::env;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
+use fmu_terms::Precision;
 use serde::Deserialize;
 
 /// A workspace.
@@ -29,8 +29,6 @@ pub struct Package {
     pub manifest_path: PathBuf,
     /// A native library that the package links, or the name by which cargo's configuration replaces its build script.
     pub links: Option<String>,
-    /// The package's features, with those that each switches on.
-    pub features: BTreeMap<String, Vec<String>>,
     targets: Vec<Target>,
     dependencies: Vec<Dependency>,
     authors: Vec<String>,
@@ -112,10 +110,10 @@ impl Package {
     }
 
     /// What a model's declaration need not repeat of the package, as cargo tells it to build scripts.
-    pub fn of_declaration(&self) -> fmu_export_build::Package {
+    pub fn of_declaration(&self, precision: Precision) -> fmu_export_build::Package {
         fmu_export_build::Package {
             is_bare_metal: false,
-            is_single_precision: false,
+            precision,
             name: self.name.clone(),
             version: self.version.clone(),
             description: self.description.clone().unwrap_or_default(),

@@ -1,7 +1,7 @@
 //! Turns the declaration into the [`Model`], which is complete and consistent; anything else is rejected.
 
-use fmu_terms::Version;
 use fmu_terms::{Causality, DataType, Initial, Variability};
+use fmu_terms::{Precision, Version};
 
 use crate::check;
 use crate::declaration::{Declaration, Described, VariableDeclaration};
@@ -57,7 +57,8 @@ pub(crate) fn model<'a>(
     if package.is_bare_metal {
         model.parts.iter_mut().flat_map(|part| &mut part.fields).for_each(|field| field.is_boxed = false);
     }
-    model.is_single_precision = package.is_single_precision && model.in_place(Place::States).next().is_none();
+    model.is_single_precision =
+        package.precision == Precision::Single && model.in_place(Place::States).next().is_none();
     if model.is_single_precision {
         compute_in_single_precision(&mut model);
     }

@@ -1,10 +1,10 @@
-//! The FMI version and interfaces that an FMU offers. They are chosen at export, not declared.
+//! The FMI version and interfaces that an FMU offers, and its precision. They are chosen at export, not declared.
 
 use std::env::{self, VarError};
 use std::path::Path;
 use std::str::FromStr;
 
-use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
+use fmu_terms::{INTERFACES_VARIABLE, Interfaces, PRECISION_VARIABLE, Precision, VERSION_VARIABLE, Version};
 
 use crate::declaration::Declaration;
 use crate::source::Source;
@@ -67,6 +67,14 @@ impl Fmi {
             (Version::Three, _) => "fmi3_functions",
         }
     }
+}
+
+/// The precision: what is given, else that of the environment variable [`PRECISION_VARIABLE`], else double.
+///
+/// # Errors
+/// When the environment variable has none of the values.
+pub fn chosen_precision(precision: Option<Precision>) -> Result<Precision, String> {
+    precision.map_or_else(|| of_environment(PRECISION_VARIABLE).map(Option::unwrap_or_default), Ok)
 }
 
 /// An environment variable's choice, if it is set.

@@ -37,9 +37,11 @@ use source::Source;
 use units::declaration::UnitDeclaration;
 
 pub use error::{Error, Finding};
-pub use fmu_terms::{INTERFACES_VARIABLE, Interfaces, VERSION_VARIABLE, Version};
-pub use interfaces::Fmi;
-pub use package::{Package, SINGLE_PRECISION};
+pub use fmu_terms::{
+    INTERFACES_VARIABLE, Interfaces, PRECISION_VARIABLE, Precision, VERSION_VARIABLE, Version,
+};
+pub use interfaces::{Fmi, chosen_precision};
+pub use package::Package;
 
 /// The JSON Schema of a model's declaration, for editors: the file `model.schema.json`.
 pub const SCHEMA: &str = include_str!("../schema/model.schema.json");
@@ -74,8 +76,8 @@ pub struct Generated {
 
 /// Generates a model's interface into the folder of its name in `OUT_DIR`. For build scripts. The environment
 /// variables
-/// [`VERSION_VARIABLE`] and [`INTERFACES_VARIABLE`] choose the FMI version and interfaces; the default version is 2.0, or 3.0
-/// if a variable's type needs it.
+/// [`VERSION_VARIABLE`], [`INTERFACES_VARIABLE`] and [`PRECISION_VARIABLE`] choose the FMI version, interfaces and precision;
+/// the default version is 2.0, or 3.0 if a variable's type needs it.
 ///
 /// If the declaration is rejected, the build fails with an error per finding, with file, line and key.
 ///
@@ -86,12 +88,15 @@ pub fn generate(declaration: impl AsRef<Path>) {
     println!("cargo::rerun-if-changed={}", declaration.display());
     println!("cargo::rerun-if-env-changed={VERSION_VARIABLE}");
     println!("cargo::rerun-if-env-changed={INTERFACES_VARIABLE}");
+    println!("cargo::rerun-if-env-changed={PRECISION_VARIABLE}");
     let out_dir = env::var("OUT_DIR").expect("OUT_DIR is set for build scripts only");
-    let fmi = Fmi::chosen(declaration, None, None).unwrap_or_else(|reason| {
+    let chosen = Fmi::chosen(declaration, None, None).and_then(|fmi| Ok((fmi, chosen_precision(None)?)));
+    let (fmi, precision) = chosen.unwrap_or_else(|reason| {
         println!("cargo::error={reason}");
         end_build();
     });
-    let generated = generate_into(declaration, Path::new(&out_dir), &Package::of_build_script(), fmi)
+    let package = Package { precision, ..Package::of_build_script() };
+    let generated = generate_into(declaration, Path::new(&out_dir), &package, fmi)
         .and_then(|generated| generated.used_in(Path::new(""), declaration));
     match generated {
         Ok(generated) => {

@@ -2,8 +2,7 @@
 
 use std::env;
 
-/// The feature of a package by which its models without states, such as controllers, compute with `f32`.
-pub const SINGLE_PRECISION: &str = "f32";
+use fmu_terms::Precision;
 
 /// The package of a model. The declaration need not repeat its metadata.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -20,12 +19,12 @@ pub struct Package {
     pub license: String,
     /// Whether it is compiled for a target without an operating system, and thus without files and a heap.
     pub is_bare_metal: bool,
-    /// Whether a model without states computes with `f32`: whether the feature [`SINGLE_PRECISION`] is on.
-    pub is_single_precision: bool,
+    /// The precision in which models without states compute.
+    pub precision: Precision,
 }
 
 impl Package {
-    /// The package whose build script runs.
+    /// The package whose build script runs, for double precision.
     ///
     /// # Panics
     /// Outside a build script.
@@ -40,8 +39,7 @@ impl Package {
             authors: variable("CARGO_PKG_AUTHORS"),
             license: variable("CARGO_PKG_LICENSE"),
             is_bare_metal: variable("CARGO_CFG_TARGET_OS") == "none",
-            is_single_precision: env::var_os(format!("CARGO_FEATURE_{}", SINGLE_PRECISION.to_uppercase()))
-                .is_some(),
+            precision: Precision::default(),
         }
     }
 }

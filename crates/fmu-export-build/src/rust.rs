@@ -48,7 +48,7 @@ pub use generated::*;
 mod generated {{
 use ::fmu_export::description as fmi;
 
-/// The numbers of Reals: `f64`, or with the package's feature `f32` that type.
+/// The numbers of Reals: `f64`, or `f32` in single precision.
 pub type Real = {real};
 ",
         model.identifier,

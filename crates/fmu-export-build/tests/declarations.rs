@@ -14,7 +14,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use fmu_export_build::{Fmi, Interfaces, Package, Version, generate_into};
+use fmu_export_build::{Fmi, Interfaces, Package, Precision, Version, generate_into};
 use serde_json::{Value, json};
 
 use random::Random;
@@ -311,7 +311,7 @@ fn what_is_accepted_compiles() {
         let interfaces =
             random.pick(&[Interfaces::CoSimulation, Interfaces::ModelExchange, Interfaces::Both]);
         let declaration = random.declaration(version == Version::Three);
-        package.is_single_precision = random.pick(&[false, true]);
+        package.precision = random.pick(&Precision::ALL);
         let out_dir = folder.join(format!("src/m{number}"));
         fs::create_dir_all(&out_dir).expect("the folder for tests is writable");
         write(&format!("src/m{number}/model.json"), &format!("{declaration:#}"));

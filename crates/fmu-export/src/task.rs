@@ -49,8 +49,14 @@ impl<S: Sampled> Task<S> {
         self.calculate_parameters();
         self.sampled.initialize(&mut self.variables, &mut Context::new(Experiment::default(), log))?;
         self.sampled.refresh(0.0, &mut self.variables);
-        self.samples = Some(Samples::new(0.0, S::period(&self.variables)));
+        self.samples = Some(Samples::new(0.0, self.period()));
         Ok(())
+    }
+
+    /// The sample period in s.
+    #[must_use]
+    pub fn period(&self) -> f64 {
+        S::period(&self.variables)
     }
 
     /// Whether the task can execute samples.
@@ -93,7 +99,7 @@ impl<S: Sampled> Task<S> {
             let next = samples.next().time;
             self.sampled.refresh(next, &mut self.variables);
             // The last sample is the present: there is no time between samples.
-            samples.take_period(S::period(&self.variables), next - samples.period);
+            samples.take_period(self.period(), next - samples.period);
             self.samples = Some(samples);
         }
         Ok(())

@@ -1,5 +1,5 @@
-//! The FMI version and interfaces of an export, and the environment variables by which a command passes them to build
-//! scripts.
+//! The FMI version, interfaces and precision of an export, and the environment variables by which a command passes them to
+//! build scripts.
 
 use core::fmt;
 
@@ -12,6 +12,40 @@ pub const INTERFACES_VARIABLE: &str = "FMU_INTERFACES";
 /// The environment variable with the FMI version for which a build script generates, as the text of a [`Version`]; 2.0
 /// if unset.
 pub const VERSION_VARIABLE: &str = "FMU_FMI_VERSION";
+
+/// The environment variable with the precision for which a build script generates, as the text of a [`Precision`]; double
+/// if unset.
+pub const PRECISION_VARIABLE: &str = "FMU_PRECISION";
+
+/// The precision of numbers, with the text `double` or `single`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// `f64`.
+    #[default]
+    Double,
+    /// `f32`, in models without states, such as controllers; what is integrated needs `f64`.
+    Single,
+}
+
+impl Precision {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Double, Self::Single];
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Double => "double",
+            Self::Single => "single",
+        }
+    }
+}
+
+impl fmt::Display for Precision {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.as_str())
+    }
+}
 
 /// An FMI version, with the text `2` or `3`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]

@@ -17,7 +17,10 @@ mod words;
 
 pub use cells::{CELL, has_cell};
 pub use identifier::{is_identifier, is_reserved_by_windows};
-pub use interfaces::{INTERFACES_VARIABLE, InstanceType, Interface, Interfaces, VERSION_VARIABLE, Version};
+pub use interfaces::{
+    INTERFACES_VARIABLE, InstanceType, Interface, Interfaces, PRECISION_VARIABLE, Precision,
+    VERSION_VARIABLE, Version,
+};
 #[cfg(feature = "units")]
 pub use likeness::{like, nearest};
 pub use names::is_structured;

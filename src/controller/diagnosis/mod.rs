@@ -321,7 +321,9 @@ impl Diagnosis {
         context: &mut Context<'_>,
     ) {
         let findings = self.findings;
-        outputs.fault_code = findings.found as Real;
+        #[allow(clippy::cast_lossless, reason = "`Real` may be `f32`")]
+        let code = findings.found as Real;
+        outputs.fault_code = code;
         if findings.found != 0 {
             self.frame.take(findings.found, time, inputs, outputs.hp_wastegate_pwm);
         }

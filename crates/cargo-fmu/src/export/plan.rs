@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use fmu_io::terminal::complain;
 use fmu_io::{reading, writing};
 use fmu_package::{Fmu, MODEL_DESCRIPTION, Platform};
-use fmu_terms::{Interfaces, Version};
+use fmu_terms::{Interfaces, Precision, Version};
 
 use super::packing::{
     ModelLibrary, create_folder_of, custom_section, documentation, libraries_of, resources,
@@ -35,8 +35,8 @@ pub struct Plan {
     /// The versions of FMI; `None` leaves the version to the environment.
     pub(super) versions: Vec<Option<Version>>,
     pub(super) interfaces: Option<Interfaces>,
+    pub(super) precision: Option<Precision>,
     pub(super) profile: Profile,
-    pub(super) features: Vec<String>,
     pub(super) binaries: Vec<(Platform, PathBuf)>,
     /// The package of each model.
     pub(super) models: BTreeMap<String, Package>,
@@ -178,8 +178,8 @@ impl Plan {
             self.models().collect::<Vec<_>>().join(", "),
             build.name()
         ));
-        let Self { metadata, models, profile, features, interfaces, .. } = self;
-        compile(metadata, models.values(), build, profile, features, version, *interfaces).with_context(
+        let Self { metadata, models, profile, interfaces, precision, .. } = self;
+        compile(metadata, models.values(), build, profile, version, *interfaces, *precision).with_context(
             || match version {
                 Some(version) if self.versions.first() != Some(&Some(version)) => {
                     format!("nothing was exported as FMI {version}.0")
@@ -210,7 +210,7 @@ impl Plan {
             let generated = built[0].1.generated(name)?;
             let mut files = documentation(&generated, version, &libraries)?;
             files.extend(resources(&generated)?);
-            files.extend(licenses::files(name, &self.models[name], &self.features, built)?);
+            files.extend(licenses::files(name, &self.models[name], built)?);
             let mut xml = Cow::Borrowed(xml.as_str());
             if let Some(modules) = modules {
                 let sources = self.sources_of(name, identifier, modules, description)?;

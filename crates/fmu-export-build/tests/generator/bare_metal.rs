@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use a2lfile::{A2lObjectName as _, Characteristic, CharacteristicType};
-use fmu_export_build::{Interfaces, Package, generate_into};
+use fmu_export_build::{Interfaces, Package, Precision, generate_into};
 
 use super::a2l::module;
 use super::{folder, read};
@@ -210,11 +210,11 @@ fn the_interface_needs_no_operating_system() {
 /// infinite. States are integrated, and stay `f64`.
 #[test]
 fn a_model_computes_in_single_precision() {
-    let generate = |name: &str, model: &str, is_single_precision: bool| {
+    let generate = |name: &str, model: &str, precision: Precision| {
         let folder = folder(name);
         let file = folder.join("model.json");
         fs::write(&file, model).expect("the folder for tests is writable");
-        let package = Package { is_single_precision, ..package() };
+        let package = Package { precision, ..package() };
         let generated = generate_into(&file, &folder, &package, Interfaces::CoSimulation);
         let variables = generated.expect("the model is right").variables;
         let text = read(&variables);
@@ -223,7 +223,7 @@ fn a_model_computes_in_single_precision() {
         (text, seen)
     };
     let [(double, seen_of_double), (single, seen_of_single)] =
-        [("double", false), ("single", true)].map(|(name, is_single)| generate(name, MODEL, is_single));
+        Precision::ALL.map(|precision| generate(precision.as_str(), MODEL, precision));
     assert_eq!(seen_of_single, seen_of_double);
     assert!(double.contains("pub type Real = f64;") && double.contains("pub gain: [[T; 20]; 30],"));
     assert!(single.contains("pub type Real = f32;") && single.contains("pub gain: [[f32; 20]; 30],"));
@@ -231,7 +231,7 @@ fn a_model_computes_in_single_precision() {
     let state =
         r#""variables": [{"name": "x", "unit": "m", "causality": "output", "derivative": true, "start": 1},"#;
     let model = MODEL.replacen("\"variables\": [", state, 1);
-    let (integrated, _) = generate("integrated", &model, true);
+    let (integrated, _) = generate("integrated", &model, Precision::Single);
     assert!(integrated.contains("pub type Real = f64;") && integrated.contains("pub gain: [[T; 20]; 30],"));
 }
 

@@ -8,6 +8,7 @@ use fmu_export::{Error, Persistent as _, Task};
 
 use crate::board::{SerialLine, Stopwatch};
 use crate::stack;
+use boost_fmu::controller::variables::Real;
 use boost_fmu::controller::variables::calibration::{MEASUREMENTS, PARAMETERS, START_PAGE};
 use boost_fmu::controller::{ControlLaw, limp_home};
 
@@ -77,7 +78,7 @@ impl Controller {
 
     /// The sample period in s.
     pub fn period(&self) -> f64 {
-        self.task.variables.parameters.sample_time.into()
+        self.task.period()
     }
 
     /// Writes cells to the calibration page, after the number of the first one.
@@ -129,9 +130,10 @@ impl Controller {
     /// Executes a sample with the latest measurements, or limps home without.
     pub fn release(&mut self) {
         self.missing = self.missing.saturating_add(1);
+        let parameters = &self.task.variables.parameters;
         // As long as a measurement must be implausible to count as a fault.
-        let most = self.task.variables.parameters.diagnosis.confirmation_time;
-        self.limps_home |= f64::from(self.missing) * self.period() > most.into();
+        let most = parameters.diagnosis.confirmation_time;
+        self.limps_home |= self.missing as Real * parameters.sample_time > most;
         let done = if self.limps_home { Ok(()) } else { self.execute() };
         self.limps_home |= done.is_err();
         if self.limps_home {

@@ -57,6 +57,7 @@ impl InTheLoop {
 impl Sampled for InTheLoop {
     type Variables = Variables;
 
+    #[allow(clippy::useless_conversion, reason = "`Real` may be `f32`")]
     fn period(variables: &Variables) -> f64 {
         f64::from(variables.parameters.sample_time)
     }
