@@ -241,7 +241,7 @@ def test_an_export_compiles_no_generator(decay):
     # Other tests have exported others into this folder.
     run(decay, "cargo", "fmu", "export")
     # Those of FMI 2.0 for co-simulation, as the script generates without a choice.
-    of_command = decay / "target/fmu-generated/2-cs/decay"
+    of_command = decay / "target/fmu-generated/2-cs-double/decay"
     (of_script,) = (decay / "target/debug/build").glob("*/out/decay")
     names = sorted(file.name for file in of_script.iterdir())
     assert names == ["index.html", "modelDescription.xml", "variables.rs"]

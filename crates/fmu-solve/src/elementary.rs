@@ -19,7 +19,7 @@ macro_rules! library {
 mod of_libm {
     pub(super) use libm::*;
 
-    /// That of `libm` gives numbers below -2, where there are none.
+    /// That of `libm` gives numbers for some below 1, where there are none.
     pub(super) fn acoshf(x: f32) -> f32 {
         if x < 1.0 { f32::NAN } else { libm::acoshf(x) }
     }
