@@ -1,7 +1,7 @@
 //! Logarithm, exponential function and powers to base 2, cheaper than the standard library's.
 //!
 //! The standard library's are correct to the last bit or two, differently on each platform; these are correct to 1e-14
-//! (see the tests), in single precision to two roundings, bit-identical on every platform, and can be inlined, so that
+//! (see the tests), in single precision to some roundings, bit-identical on every platform, and can be inlined, so that
 //! several run in parallel.
 
 use core::array;

@@ -56,4 +56,5 @@ functions! {
         powi: |x, y| Float::powi(x, 7) + Float::powi(y, -3);
         sin_cos: |x, y| { let (sine, cosine) = Float::sin_cos(x); sine * y + cosine };
         mul_add: |x, y| Float::mul_add(x, y, 0.125);
+        decimal: |x, y| (Float::decimal(x) + Float::decimal(y)) as f32;
 }

@@ -11,7 +11,7 @@ use crate::elementary::larger;
 /// The largest duty (%).
 pub(super) const FULL_DUTY: Real = 100.0;
 
-/// A bound on the steps: bisection alone needs some 55 from the duty range to adjacent floats, Newton's method a
+/// A bound on the steps: bisection alone needs some 55 from the duty range to adjacent doubles, Newton's method a
 /// handful.
 const MOST_STEPS: usize = 128;
 

@@ -51,7 +51,7 @@ pub mod variables {
 }
 
 use fmu_export::display::Rounded;
-use fmu_export::{Context, Error, Persistent, Sample, Sampled};
+use fmu_export::{Context, Error, Float, Persistent, Sample, Sampled};
 
 use crate::LONGEST_STEP;
 use actuator_reach::ActuatorReach;
@@ -143,9 +143,8 @@ impl Sampled for ControlLaw {
     type Variables = Variables;
     const LONGEST_STEP: f64 = LONGEST_STEP;
 
-    #[allow(clippy::useless_conversion, reason = "`Real` may be `f32`")]
     fn period(variables: &Variables) -> f64 {
-        f64::from(variables.parameters.sample_time)
+        Float::decimal(variables.parameters.sample_time)
     }
 
     fn check_parameters(variables: &Variables) -> Result<(), Error> {

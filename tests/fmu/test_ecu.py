@@ -47,8 +47,8 @@ def test_single_precision_moves_boost_by_less_than_a_sensor_resolves(tmp_path: P
 class Driven:
     """An instance that is driven by measurements."""
 
-    def __init__(self, file: Path, folder: Path) -> None:
-        self.instance = Instance(Fmu(file, folder)).start()
+    def __init__(self, file: Path, folder: Path, values: dict[str, float]) -> None:
+        self.instance = Instance(Fmu(file, folder)).start(values)
         variables = self.instance.fmu.variables.values()
         reals = [v.name for v in variables if v.type == "Real" and v.causality != "independent"]
         self.results = Reals(self.instance, reals)
@@ -73,8 +73,8 @@ def start(tmp_path: Path):
     """Starts instances of FMUs."""
     started = []
 
-    def start(file: Path) -> Driven:
-        started.append(Driven(file, tmp_path / str(len(started))))
+    def start(file: Path, **values: float) -> Driven:
+        started.append(Driven(file, tmp_path / str(len(started)), values))
         return started[-1]
 
     yield start
@@ -133,11 +133,23 @@ def test_a_noisy_drive_is_that_of_the_fmu(start) -> None:
 
 
 def test_single_precision_takes_the_nearest_of_its_numbers(start) -> None:
-    single = start(SINGLE_PRECISION)
-    single.instance.set({"boost_pressure": 100000.01})
-    assert single.instance.get("boost_pressure") == np.float32(100000.01)
-    commands = single.step({"engine_speed": 1e300, "boost_reference": -1e300})
-    assert np.isfinite(commands).all()
+    single = start(SINGLE_PRECISION).instance
+    single.set({"boost_pressure": 100000.01})
+    assert single.get("boost_pressure") == float(np.float32(100000.01))
+
+
+@pytest.mark.parametrize("period", [0.005, 0.01, 0.0125, 0.02])
+def test_samples_of_single_precision_are_at_the_same_times(start, period: float) -> None:
+    """A period that was rounded down would give two samples in the first step."""
+    counts = []
+    for file in [CONTROLLER, SINGLE_PRECISION]:
+        instance = start(file, sample_time=period).instance
+        found = []
+        for number in range(300):
+            instance.slave.doStep(number * period, period)
+            found.append(instance.get("sample_count"))
+        counts.append(found)
+    assert counts[0] == counts[1]
 
 
 def characteristics() -> dict[str, tuple[int, tuple[int, ...]]]:

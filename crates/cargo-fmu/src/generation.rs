@@ -32,8 +32,8 @@ pub struct GeneratedInterface {
 }
 
 impl GeneratedInterface {
-    /// Generates those of the packages whose build scripts would do just that, for the chosen FMI version and interfaces, else
-    /// the environment's.
+    /// Generates those of the packages whose build scripts would do just that, for the chosen FMI version, interfaces
+    /// and precision, else the environment's.
     ///
     /// # Errors
     /// When a declaration is rejected, which is then told, or a file cannot be written.

@@ -11,6 +11,7 @@ use crate::flatten::Flat;
 use crate::interfaces::Fmi;
 use crate::model::{Field, Model, Place, Quantity, ReadsByMode, Scalar, Texts};
 use crate::package::Package;
+use crate::start::Start;
 use crate::units::Units;
 use crate::units::declaration::UnitDeclaration;
 use crate::value_type::ValueType;
@@ -60,7 +61,7 @@ pub(crate) fn model<'a>(
     model.is_single_precision =
         package.precision == Precision::Single && model.in_place(Place::States).next().is_none();
     if model.is_single_precision {
-        compute_in_single_precision(&mut model);
+        compute_in_single_precision(&mut model, &mut refusals);
     }
     check::model::variables(&model, &mut refusals);
     dependencies::refuse_cycles(&model.scalars, &mut refusals);
@@ -84,7 +85,18 @@ pub(crate) fn model<'a>(
 }
 
 /// Has the model compute with `f32`. What importers and calibration tools see stays a Real.
-fn compute_in_single_precision(model: &mut Model<'_>) {
+fn compute_in_single_precision(model: &mut Model<'_>, refusals: &mut Refusals) {
+    for Scalar { name, key, start, data_type, .. } in &model.scalars {
+        if let Some(Start::Real(value)) = start
+            && *data_type == DataType::Real
+            && value.abs() > f32::MAX.into()
+        {
+            refusals.add(
+                format!("{key}.start"),
+                format!("{name}: {value:e} is beyond the numbers of single precision"),
+            );
+        }
+    }
     let fields = model.parts.iter_mut().flat_map(|part| &mut part.fields);
     for field in fields.filter(|field| field.data_type == DataType::Real) {
         field.data_type = ValueType::Standard(DataType::Float32);

@@ -9,7 +9,7 @@ pub(crate) mod variables;
 
 use std::io;
 
-use fmu_terms::Version;
+use fmu_terms::{Precision, Version};
 use fmu_xml::{Attributes, XmlWriter, base_unit, conversion, document, element, empty, float, given};
 use uuid::Uuid;
 
@@ -29,8 +29,12 @@ pub(crate) struct Description {
 
 impl Description {
     pub(crate) fn new(model: &Model<'_>, structure: &Structure) -> Self {
-        let without_guid = write(model, structure, "");
-        let guid = format!("{{{}}}", Uuid::new_v5(&Uuid::NAMESPACE_OID, without_guid.as_bytes()));
+        let mut hashed = write(model, structure, "");
+        if model.is_single_precision {
+            // It computes something else, and its saved states are others.
+            hashed.push_str(Precision::Single.as_str());
+        }
+        let guid = format!("{{{}}}", Uuid::new_v5(&Uuid::NAMESPACE_OID, hashed.as_bytes()));
         let text = write(model, structure, &guid);
         Self { guid, text }
     }

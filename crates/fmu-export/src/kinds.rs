@@ -14,7 +14,7 @@ use fmu_solve::{Dual, Error, Event, Events, Stop, Stops, Tape};
 use crate::kinds::input_signal::InputSignal;
 use crate::model::context::Context;
 use crate::model::description::ModelDescription;
-use crate::model::variables::{Accessed, Described as _, Numbered, Variables};
+use crate::model::variables::{Accessed, Described, Numbered, Variables};
 
 /// A model of any kind.
 ///
@@ -312,4 +312,12 @@ impl<'a, I> Step<'a, I> {
     pub(crate) fn instant_of_end(&self) -> End {
         End::of_sum((self.start, self.size), self.ahead, self.since)
     }
+}
+
+/// Refuses single precision: derivatives are computed with `f64`.
+const fn assert_double_precision<V: Described>() {
+    assert!(
+        !V::IS_SINGLE_PRECISION,
+        "FMU_PRECISION is single, but only a `Sampled` model computes with `f32`"
+    );
 }

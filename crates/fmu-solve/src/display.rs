@@ -50,7 +50,7 @@ impl fmt::Display for Shown {
 }
 
 /// The number that a text says, which is always one: that of a number.
-fn parsed(text: fmt::Arguments<'_>, number: f64) -> f64 {
+pub(crate) fn parsed(text: fmt::Arguments<'_>, number: f64) -> f64 {
     Text::<LONGEST>::of(text).parse().unwrap_or(number)
 }
 

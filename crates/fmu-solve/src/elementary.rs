@@ -3,6 +3,8 @@
 //! [`Number`](crate::Number) computes with these. Were it to call them as methods, it would find itself without the
 //! standard library: `Number::exp` in `x.exp()`.
 
+use crate::display::parsed;
+
 /// Calls a function of the standard library.
 #[cfg(not(target_os = "none"))]
 macro_rules! library {
@@ -43,6 +45,11 @@ macro_rules! float {
             #[must_use]
             fn powi(self, exponent: i32) -> Self;
 
+            /// The number with this one's shortest decimal: 0.01 for the `f32` that is nearest to it. For a sample period,
+            /// which would otherwise end before or after the steps that it should meet.
+            #[must_use]
+            fn decimal(self) -> f64;
+
             /// As [`f64::rem_euclid`].
             #[must_use]
             fn rem_euclid(self, divisor: Self) -> Self;
@@ -52,10 +59,13 @@ macro_rules! float {
             fn div_euclid(self, divisor: Self) -> Self;
         }
 
-        float!(@for f64: $($function($self $(, $y)*) -> $result = $double;)*);
-        float!(@for f32: $($function($self $(, $y)*) -> $result = $single;)*);
+        float!(@for f64, |number| number; $($function($self $(, $y)*) -> $result = $double;)*);
+        float!(@for f32, |number| parsed(format_args!("{number:?}"), number.into()); $($function($self $(, $y)*) -> $result = $single;)*);
     };
-    (@for $number:ty: $($function:ident($self:ident $(, $y:ident)*) -> $result:ty = $of_libm:ident;)*) => {
+    (
+        @for $number:ty, |$of:ident| $decimal:expr;
+        $($function:ident($self:ident $(, $y:ident)*) -> $result:ty = $of_libm:ident;)*
+    ) => {
         impl Float for $number {
             $(
                 #[inline]
@@ -83,6 +93,12 @@ macro_rules! float {
                     left /= 2;
                 }
                 if exponent < 0 { 1.0 / power } else { power }
+            }
+
+            #[inline]
+            fn decimal(self) -> f64 {
+                let $of = self;
+                $decimal
             }
 
             #[inline]
@@ -140,6 +156,17 @@ float! {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_decimal_survives_single_precision() {
+        for period in [0.001_f64, 0.005, 0.01, 0.0125, 1.0 / 3.0, 0.02, 1e-6, 60.0, 86400.0] {
+            // A third has more digits than an `f32` keeps.
+            let nearest = if period == 1.0 / 3.0 { 0.333_333_34 } else { period };
+            assert_eq!(Float::decimal(period as f32).to_bits(), nearest.to_bits(), "{period}");
+            assert_eq!(Float::decimal(period).to_bits(), period.to_bits());
+        }
+        assert!(Float::decimal(f32::INFINITY).is_infinite() && Float::decimal(f32::NAN).is_nan());
+    }
 
     #[test]
     fn quotients_and_remainders_are_those_of_the_standard_library() {

@@ -248,6 +248,7 @@ impl<'m, 'a> Generator<'m, 'a> {
     }
 
     /// A variable's bounds, as Rust text.
+    #[allow(clippy::cast_possible_truncation, reason = "bounds are rounded as values are")]
     pub(super) fn bounds(&self, scalar: &Scalar) -> (String, String) {
         match scalar.data_type {
             ValueType::Enumeration(enumeration) => {
@@ -257,15 +258,17 @@ impl<'m, 'a> Generator<'m, 'a> {
                 };
                 (bound(values().reduce(f64::min), "0.0"), bound(values().reduce(f64::max), "0.0"))
             }
-            ValueType::Standard(data_type) => {
-                let [least, most] = match data_type {
-                    // Beyond, it would be infinite.
-                    DataType::Real if self.model.is_single_precision => {
-                        ["f32::MIN as f64", "f32::MAX as f64"]
-                    }
-                    _ => ["f64::NEG_INFINITY", "f64::INFINITY"],
-                };
-                (bound(scalar.quantity.min, least), bound(scalar.quantity.max, most))
+            ValueType::Standard(DataType::Real) if self.model.is_single_precision => {
+                // A bound belongs to the range when it is rounded, and a value beyond `f32` would become infinite.
+                let [min, max] =
+                    [scalar.quantity.min.unwrap_or(f64::MIN), scalar.quantity.max.unwrap_or(f64::MAX)];
+                let [of_min, of_max] = [min, max].map(|bound| f64::from(bound as f32));
+                let least = min.min(of_min).max(f32::MIN.into());
+                let most = max.max(of_max).min(f32::MAX.into());
+                (format!("{least:?}"), format!("{most:?}"))
+            }
+            ValueType::Standard(_) => {
+                (bound(scalar.quantity.min, "f64::NEG_INFINITY"), bound(scalar.quantity.max, "f64::INFINITY"))
             }
         }
     }

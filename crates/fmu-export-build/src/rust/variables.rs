@@ -18,10 +18,12 @@ impl Generator<'_, '_> {
             self.dependencies(),
             self.clock_tables(),
             self.has_calculated_parameters(),
+            self.is_single_precision().to_owned(),
         ]
         .concat();
         let access = [
             self.accessors(),
+            self.rounding().to_owned(),
             self.clocks(),
             self.marks("mark_calculated", is_evaluated),
             self.marks("mark_calculated_parameters", |scalar| scalar.place == Place::CalculatedParameters),
@@ -67,6 +69,23 @@ impl ::fmu_export::Numbered for Variables {{{numbers}{zero}}}
             numbers = self.numbers(),
             zero = self.zero(),
         )
+    }
+
+    /// The precision, for the description.
+    fn is_single_precision(&self) -> &'static str {
+        if self.model.is_single_precision { "    const IS_SINGLE_PRECISION: bool = true;\n" } else { "" }
+    }
+
+    /// How a Real is rounded, if it is.
+    fn rounding(&self) -> &'static str {
+        if !self.model.is_single_precision {
+            return "";
+        }
+        "
+    fn rounded(value: f64) -> f64 {
+        f64::from(value as Real)
+    }
+"
     }
 
     /// Variables without values, and with the derivatives as states.

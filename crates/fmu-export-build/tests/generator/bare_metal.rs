@@ -206,33 +206,66 @@ fn the_interface_needs_no_operating_system() {
     assert!(!Path::new(&generated.variables.with_file_name("model.a2l")).exists());
 }
 
-/// The numbers in the variables are `f32`; what others see of them stays the same, but for bounds beyond which they would be
-/// infinite. States are integrated, and stay `f64`.
+/// Generates a model in a precision: the typed interface, and what others see, in which the GUID is left out, with the GUID.
+fn in_precision(
+    name: &str,
+    model: &str,
+    precision: Precision,
+) -> Result<(String, [String; 3], String), String> {
+    let folder = folder(name);
+    let file = folder.join("model.json");
+    fs::write(&file, model).expect("the folder for tests is writable");
+    let package = Package { precision, ..package() };
+    let generated = generate_into(&file, &folder, &package, Interfaces::CoSimulation);
+    let variables = generated.map_err(|error| error.to_string())?.variables;
+    let text = read(&variables);
+    let seen =
+        ["modelDescription.xml", "model.a2l", "index.html"].map(|file| read(&variables.with_file_name(file)));
+    let (_, guid) = seen[0].split_once("guid=\"").expect("there is a GUID");
+    let guid = guid.split('"').next().unwrap_or_default().to_owned();
+    Ok((text, seen.map(|text| text.replace(&guid, "")), guid))
+}
+
+/// The numbers in the variables are `f32`, and what others see of them stays the same. States are integrated, and stay `f64`.
 #[test]
 fn a_model_computes_in_single_precision() {
-    let generate = |name: &str, model: &str, precision: Precision| {
-        let folder = folder(name);
-        let file = folder.join("model.json");
-        fs::write(&file, model).expect("the folder for tests is writable");
-        let package = Package { precision, ..package() };
-        let generated = generate_into(&file, &folder, &package, Interfaces::CoSimulation);
-        let variables = generated.expect("the model is right").variables;
-        let text = read(&variables);
-        let seen = ["modelDescription.xml", "model.a2l", "index.html"]
-            .map(|file| read(&variables.with_file_name(file)));
-        (text, seen)
-    };
-    let [(double, seen_of_double), (single, seen_of_single)] =
-        Precision::ALL.map(|precision| generate(precision.as_str(), MODEL, precision));
-    assert_eq!(seen_of_single, seen_of_double);
+    let [(double, seen_of_double, guid_of_double), (single, seen_of_single, guid_of_single)] = Precision::ALL
+        .map(|precision| in_precision(precision.as_str(), MODEL, precision).expect("the model is right"));
+    assert!(seen_of_single == seen_of_double);
+    // Libraries of both must not get into one FMU.
+    assert_ne!(guid_of_single, guid_of_double);
     assert!(double.contains("pub type Real = f64;") && double.contains("pub gain: [[T; 20]; 30],"));
     assert!(single.contains("pub type Real = f32;") && single.contains("pub gain: [[f32; 20]; 30],"));
-    assert!(single.contains("RealInput { min: 0.0, max: f32::MAX as f64 }"), "{single}");
     let state =
         r#""variables": [{"name": "x", "unit": "m", "causality": "output", "derivative": true, "start": 1},"#;
     let model = MODEL.replacen("\"variables\": [", state, 1);
-    let (integrated, _) = generate("integrated", &model, Precision::Single);
+    let (integrated, ..) = in_precision("integrated", &model, Precision::Single).expect("the model is right");
     assert!(integrated.contains("pub type Real = f64;") && integrated.contains("pub gain: [[T; 20]; 30],"));
+}
+
+/// A value at a bound is still within the range when it is rounded, and none becomes infinite.
+#[test]
+fn bounds_and_starts_fit_single_precision() {
+    let model = |bounds: &str| {
+        let inputs =
+            format!(r#""variables": [{{"name": "x", "unit": "m", "causality": "input", {bounds}}},"#);
+        MODEL.replacen("\"variables\": [", &inputs, 1)
+    };
+    for (bounds, expected) in [
+        (r#""start": 0"#, [f32::MIN.into(), f32::MAX.into()]),
+        (r#""min": -1, "start": 0"#, [-1.0, f32::MAX.into()]),
+        (r#""min": 1e-5, "max": 1e40, "start": 1"#, [f64::from(1e-5_f32), f32::MAX.into()]),
+        (r#""min": -1e300, "max": 0.1, "start": 0"#, [f32::MIN.into(), f64::from(0.1_f32)]),
+    ] {
+        let (text, ..) =
+            in_precision("bounds", &model(bounds), Precision::Single).expect("the model is right");
+        let [min, max] = expected;
+        assert!(text.contains(&format!("RealInput {{ min: {min:?}, max: {max:?} }}")), "{bounds}");
+    }
+    let refusal =
+        in_precision("start", &model(r#""start": 1e39"#), Precision::Single).expect_err("it is too large");
+    assert!(refusal.ends_with("x: 1e39 is beyond the numbers of single precision"), "{refusal}");
+    assert!(refusal.contains("variables[0].start"), "{refusal}");
 }
 
 #[test]

@@ -250,7 +250,16 @@ impl<M: Model> Instance<M> {
         {
             return Ok(self.set_real_inputs(references, values));
         }
-        self.set(references, values, REALS, setter!(real, set_real, |value| value))
+        let setter = const {
+            &Setter {
+                as_number: |value| value,
+                is_set: |variables: &M::Variables, reference, value| {
+                    PartialEq::eq(&variables.real(reference), &M::Variables::rounded(value))
+                },
+                write: M::Variables::set_real,
+            }
+        };
+        self.set(references, values, REALS, setter)
     }
 
     /// Sets Real inputs to finite values, which all are allowed at all times but in Continuous-Time Mode: faster than

@@ -18,7 +18,7 @@ pub use self::integrate::Integrate;
 use crate::kinds::audit::first_discrete_difference;
 use crate::kinds::equations::{Equations, calculate_parameters, evaluate_values};
 use crate::kinds::input_signal::InputSignal;
-use crate::kinds::{Fmu, InputsOf, Model, Serves, Step};
+use crate::kinds::{Fmu, InputsOf, Model, Serves, Step, assert_double_precision};
 use crate::model::context::Context;
 use crate::model::description::{Causality, DataType};
 use crate::model::inputs::Inputs as _;
@@ -158,6 +158,7 @@ impl<E: Equations, I: Integrate<E>> Model for Integrated<E, I> {
     const LOOKS_AHEAD: bool = I::LOOKS_AHEAD;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
+        const { assert_double_precision::<E::Variables>() };
         E::check_parameters(variables)
     }
 

@@ -3,7 +3,7 @@
 use fmu_solve::persistence::Persistent;
 use fmu_solve::{Dual, Error, Tape};
 
-use crate::kinds::{Fmu, InputsOf, Model, Step, provides_no};
+use crate::kinds::{Fmu, InputsOf, Model, Step, assert_double_precision, provides_no};
 use crate::model::context::Context;
 use crate::model::variables::{Accessed, Numbered, Variables};
 
@@ -186,6 +186,7 @@ impl<S: Stepper> Model for Stepped<S> {
     const LONGEST_STEP: f64 = S::LONGEST_STEP;
 
     fn check_parameters(variables: &Self::Variables) -> Result<(), Error> {
+        const { assert_double_precision::<S::Variables>() };
         S::check_parameters(variables)
     }
 

@@ -7,7 +7,7 @@ pub mod image;
 
 use fmu_export::calibration;
 use fmu_export::persistence::Archive;
-use fmu_export::{Context, Error, Persistent, Sample, Sampled};
+use fmu_export::{Context, Error, Float, Persistent, Sample, Sampled};
 
 use ecu::Ecu;
 
@@ -50,16 +50,19 @@ impl InTheLoop {
         let results = ecu.answer(context)?;
         let mut archive = Archive::reading(&results);
         variables.outputs.persist(&mut archive)?;
-        variables.locals.persist(&mut archive)
+        variables.locals.persist(&mut archive)?;
+        if archive.is_exhausted() {
+            return Ok(());
+        }
+        Err(Error::new("the firmware has more results: was it compiled with the same FMU_PRECISION?"))
     }
 }
 
 impl Sampled for InTheLoop {
     type Variables = Variables;
 
-    #[allow(clippy::useless_conversion, reason = "`Real` may be `f32`")]
     fn period(variables: &Variables) -> f64 {
-        f64::from(variables.parameters.sample_time)
+        Float::decimal(variables.parameters.sample_time)
     }
 
     fn initialize(&mut self, variables: &mut Variables, context: &mut Context<'_>) -> Result<(), Error> {

@@ -30,6 +30,13 @@ pub trait Accessed {
     /// finite, and of Real variables.
     fn copy_reals(&self, time: f64, references: &[ValueReference], values: &mut [f64]) -> bool;
 
+    /// The number that a Real variable has which is set to this value: rounded in single precision.
+    #[must_use]
+    #[inline]
+    fn rounded(value: f64) -> f64 {
+        value
+    }
+
     /// Sets a Real variable; for a state, its start value.
     fn set_real(&mut self, reference: ValueReference, value: f64);
 

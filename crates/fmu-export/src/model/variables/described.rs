@@ -38,6 +38,8 @@ pub trait Described: 'static {
     const HAS_CALCULATED_PARAMETERS: bool = false;
     /// Whether the JSON declares clocks. If not, Scheduled Execution has one, of a sampled model's period.
     const HAS_CLOCKS: bool = false;
+    /// Whether the numbers of Reals are `f32`, which sampled models alone can have.
+    const IS_SINGLE_PRECISION: bool = false;
     /// The clocks: inputs first, by priority, then the others.
     const CLOCKS: &'static [ClockDescription] = &[];
     /// The variables and arrays that belong to clocks, each with the clocks' value references; ascending.
