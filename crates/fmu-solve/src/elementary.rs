@@ -159,11 +159,18 @@ mod tests {
 
     #[test]
     fn a_decimal_survives_single_precision() {
-        for period in [0.001_f64, 0.005, 0.01, 0.0125, 1.0 / 3.0, 0.02, 1e-6, 60.0, 86400.0] {
-            // A third has more digits than an `f32` keeps.
-            let nearest = if period == 1.0 / 3.0 { 0.333_333_34 } else { period };
-            assert_eq!(Float::decimal(period as f32).to_bits(), nearest.to_bits(), "{period}");
-            assert_eq!(Float::decimal(period).to_bits(), period.to_bits());
+        // A third has more digits than an `f32` keeps.
+        for (single, decimal) in [
+            (0.001_f32, 0.001_f64),
+            (0.005, 0.005),
+            (0.01, 0.01),
+            (0.0125, 0.0125),
+            (1.0 / 3.0, 0.333_333_34),
+            (1e-6, 1e-6),
+            (86400.0, 86400.0),
+        ] {
+            assert_eq!(Float::decimal(single).to_bits(), decimal.to_bits(), "{single}");
+            assert_eq!(Float::decimal(decimal).to_bits(), decimal.to_bits());
         }
         assert!(Float::decimal(f32::INFINITY).is_infinite() && Float::decimal(f32::NAN).is_nan());
     }
