@@ -573,8 +573,12 @@ def test_an_end_before_the_first_step(make: Make) -> None:
 
 
 def test_saved_within_an_event(make: Make) -> None:
-    """Between two iterations: from the handle and from bytes the same ones follow."""
-    instance = initialized(make, events__period=0.25, events__echoes=3)
+    """Between two iterations, the first of which has changed a state: from the handle and from bytes the same
+    ones follow, and the last one says so."""
+    instance = running(make, events__period=0.25, events__echoes=3)
+    instance.ok("fmi2SetTime", 0.25)
+    instance.ok("fmi2EnterEventMode")
+    assert instance.set({"lift": 2}) == Status.OK
     instance.new_discrete_states()
     state = instance.save()
     data = instance.serialize(state)
@@ -584,6 +588,8 @@ def test_saved_within_an_event(make: Make) -> None:
             instance.ok("fmi2SetFMUstate", state)
         elif restore is data:
             instance.restore(data)
-        assert [info.newDiscreteStatesNeeded for info in finish_event(instance)] == [1, 1, 0]
+        infos = finish_event(instance)
+        assert [info.newDiscreteStatesNeeded for info in infos] == [1, 1, 0]
+        assert [info.valuesOfContinuousStatesChanged for info in infos] == [1, 1, 1]
         ends.append((instance.snapshot(), everything(instance)))
     assert ends[0] == ends[1] == ends[2]
