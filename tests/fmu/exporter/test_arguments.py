@@ -19,21 +19,12 @@ pytestmark = [pytest.mark.quick, pytest.mark.compiled]
 
 Make = Callable[..., Instance]
 
-NOT_FINITE = [math.nan, math.inf, -math.inf]
-
 SET_UP = "fmi2SetupExperiment"
 DO_STEP = "fmi2DoStep"
 DERIVATIVES = "fmi2SetRealInputDerivatives"
 
 
 # Steps and times
-
-
-def test_the_first_step_begins_at_the_start_time(make: Make) -> None:
-    """Section 4.2.2."""
-    instance = make().initialize(3.0)
-    instance.refuses(DO_STEP, 0.0, STEP, 1, names=["currentCommunicationPoint"], numbers=[0.0, 3.0])
-    assert instance.step(3.0, STEP) == Status.OK
 
 
 @pytest.mark.parametrize("start_time", [0.0, -7.3, 1e5])
@@ -325,12 +316,12 @@ def test_an_input_derivative_that_is_refused(make: Make, fmu: Fmu) -> None:
     """Section 4.2.1: orders from 1 on, of Real inputs. Orders above 8 are not supported."""
     instance = make().initialize()
     before = instance.snapshot()
-    cases = [("rate", order, 1.0) for order in (0, -1, 9, 2**31 - 1, -(2**31))]
-    cases += [("rate", 1, value) for value in NOT_FINITE]
-    cases += [(v.name, 1, 0.5) for v in fmu.variables.values() if (v.causality, v.type) != ("input", "Real")]
-    for name, order, value in cases:
+    cases = [("rate", order) for order in (0, -1, 9, 2**31 - 1, -(2**31))]
+    others = [v.name for v in fmu.variables.values() if v.type == "Real" and v.causality != "input"]
+    cases += [(name, 1) for name in others]
+    for name, order in cases:
         # A valid one before it is not set either.
-        arguments = [fmu.references("rate", name), 2, integers(2, order), reals(3.0, value)]
+        arguments = [fmu.references("rate", name), 2, integers(2, order), reals(3.0, 1.0)]
         instance.refuses(DERIVATIVES, *arguments, names=[name])
     assert instance.snapshot() == before
 

@@ -455,7 +455,5 @@ def test_partitions_and_times_that_are_refused(new: Callable[..., Instance3]) ->
     status = instance.call("fmi3GetIntervalDecimal", array(c_uint32, ALARM), 1, intervals, qualifiers)
     assert refused(instance, status, "is available in Clock Update Mode")
     instance = new(SCHEDULED_EXECUTION, "activation")
-    assert set_clock(instance, CONSTANT) == Status.ERROR
-    instance = new(SCHEDULED_EXECUTION, "activation")
     status = instance.call("fmi3GetClock", array(c_uint32, CONSTANT), 1, array(c_bool, False))
     assert refused(instance, status, "the clock constant is an input")

@@ -207,18 +207,6 @@ def test_arrays(make: Callable[..., Instance3], description: ModelDescription) -
     assert instance.get("Float64", references, 9) == [1.0, 2.0, 3.0, 5.0, -1.0, 1.0, 2.0, 3.0, 5.0]
 
 
-def test_elements_of_arrays_are_not_variables(make: Callable[..., Instance3]) -> None:
-    instance = make(CO_SIMULATION)
-    assert instance.call("fmi3GetFloat64", (c_uint32 * 1)(22), 1, (c_double * 1)(), 1) == Status.ERROR
-    assert "there is no variable with the value reference 22" in instance.messages[-1].text
-
-
-def test_items_of_enumerations_are_checked(make: Callable[..., Instance3]) -> None:
-    for value, expected in [(1, Status.OK), (2, Status.OK), (0, Status.ERROR), (2**32 + 1, Status.ERROR)]:
-        instance = make(CO_SIMULATION)
-        assert instance.set("Int64", [7], [value]) == expected
-
-
 def test_event_indicators_are_variables(
     make: Callable[..., Instance3], description: ModelDescription
 ) -> None:

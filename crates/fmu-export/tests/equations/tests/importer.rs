@@ -75,7 +75,7 @@ impl<M: Model> Importer<M> {
                     token,
                     ptr::null(),
                     0,
-                    0,
+                    1,
                     none,
                     Some(hear),
                 )
@@ -85,7 +85,7 @@ impl<M: Model> Importer<M> {
                     token,
                     ptr::null(),
                     0,
-                    0,
+                    1,
                     (instance_type == InstanceType::CoSimulationWithEvents).into(),
                     1,
                     ptr::null(),
@@ -227,6 +227,13 @@ impl<M: Model> Importer<M> {
 
     /// Steps from a time by a size (s). Returns whether there is an event, and the time reached.
     pub fn step(&mut self, time: f64, size: f64) -> (bool, f64) {
+        let ([needed, _, _], reached) = self.step_with_flags(time, size);
+        (needed, reached)
+    }
+
+    /// Steps. Returns whether there is an event, whether the model asks for the end, and whether the step ended early, none of
+    /// which FMI 2.0 has; and the time reached.
+    pub fn step_with_flags(&mut self, time: f64, size: f64) -> ([bool; 3], f64) {
         let ([mut needed, mut ends, mut early], mut reached) = ([0; 3], time + size);
         // SAFETY: see above.
         let status = unsafe {
@@ -247,7 +254,7 @@ impl<M: Model> Importer<M> {
             }
         };
         assert_eq!(status as i32, 0);
-        (needed == 1, reached)
+        ([needed, ends, early].map(|flag| flag == 1), reached)
     }
 
     /// One iteration of an event: when the next time event is due.

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{fmt, ptr, slice};
 
 use fmu_package::{FmuVariable, ValueType};
-use fmu_terms::{Causality, Initial, Variability, Version};
+use fmu_terms::{Causality, DataType, Initial, Variability, Version};
 
 use crate::functions::{Element, Function, Kind, Raw};
 use crate::instance::{Instance, State};
@@ -255,7 +255,9 @@ impl<'f> Instance<'f> {
             [variables().filter(fits).collect(), vec![]]
         };
         if whim.state.is_none() {
-            first.retain(|variable| !self.fmu.clocked.contains(&variable.name));
+            // They are set only while their clocks tick.
+            let reads = name.starts_with("Get");
+            first.retain(|variable| reads || !self.fmu.clocked.contains(&variable.name));
             return [first, second];
         }
         for list in [&mut first, &mut second] {
@@ -491,6 +493,9 @@ fn value(variable: &FmuVariable, start: &str, whim: &mut Whim) -> f64 {
     }
     if whim.has(0.05) {
         return whim.of(&ODD_NUMBERS);
+    }
+    if let Some(DataType::Boolean | DataType::Clock) = variable.data_type.meaning() {
+        return whim.of(&[1.0, 0.0]);
     }
     let (min, max) = variable.range().expect("bounds are numbers");
     let most = if variable.value_type() == ValueType::Enumeration { 3.0 } else { 1e6 };

@@ -163,8 +163,8 @@ fn a_wrong_number_of_elements_is_refused_before_they_are_accessed() {
     });
 }
 
-/// Calls each function that takes value references with one of no variable, and of a variable of each other type, alone and
-/// after right ones, wherever the function is allowed. Returns the functions.
+/// Calls each function that takes value references with one of no variable, as an array's elements are none, and of a
+/// variable of each other type, alone and after right ones, wherever the function is allowed. Returns the functions.
 fn refuse_wrong_references(fmus: &[Fmu]) -> BTreeSet<&'static str> {
     let mut tried = BTreeSet::new();
     for (fmu, instance_type) in instances(fmus) {
@@ -178,7 +178,13 @@ fn refuse_wrong_references(fmus: &[Fmu]) -> BTreeSet<&'static str> {
             let mut wrong: Vec<_> =
                 others.map(|other| (other, reference(other), other.name.clone())).collect();
             let scalar = fmu.description.variables.iter().find(|variable| fmu.size(variable) == 1).unwrap();
-            wrong.extend([9999, 1 << 31, u32::MAX].map(|unknown| (scalar, unknown, unknown.to_string())));
+            let array = fmu.description.variables.iter().find(|variable| fmu.size(variable) > 1);
+            let element = array.map(|array| reference(array) + 1);
+            wrong.extend(element.into_iter().chain([9999, 1 << 31, u32::MAX]).map(|unknown| {
+                // Functions of clocks name the element.
+                let names_element = data_type == "Clock" && Some(unknown) == element;
+                (scalar, unknown, if names_element { String::new() } else { unknown.to_string() })
+            }));
             for state in STATES {
                 let Some(instance) = Instance::in_state(fmu, instance_type, state) else { continue };
                 if !instance.allows(function) {
@@ -466,7 +472,9 @@ fn a_value_out_of_its_range_is_refused() {
                     _ if is_real => (bound * f64::from(direction)).next_up() * f64::from(direction),
                     _ => bound + f64::from(direction),
                 };
-                for (value, is_within) in [(bound, true), (next, false)] {
+                // An item in its lower 32 bits.
+                let long = enumeration.map(|_| (bound + f64::from(u32::MAX) + 1.0, false));
+                for (value, is_within) in [(bound, true), (next, false)].into_iter().chain(long) {
                     let mut instance = Instance::new(&fmu, instance_type);
                     let status = instance.set_to(variable, value);
                     let expected = match (is_within, is_limited) {

@@ -2,7 +2,7 @@
 //!
 //! - A function that the standard's table does not allow in a state is an error, and an error changes nothing (FMI 2.0).
 //! - Values returned with success are finite, and nothing is written beyond the end of an array.
-//! - A restored state continues identically, in the same instance and in another.
+//! - A restored state continues identically, by its handle and by its bytes, in the same instance and in another.
 //! - After fmi2Reset, fmi3Reset an instance equals a new one, to the last byte of its state.
 //! - Damaged serialized states are refused.
 //!
@@ -214,17 +214,25 @@ fn any_order(fmu: &Fmu, instance_type: InstanceType, cases: u32, before: &dyn Fn
         while let Some((state, _)) = instance.saved.pop() {
             instance.free_state(state);
         }
+        let state = instance.save();
         let expected = run(&mut instance);
         let mut other = Instance::new(fmu, instance_type);
-        for each in [&mut instance, &mut other] {
-            while let Some((state, _)) = each.saved.pop() {
-                each.free_state(state);
+        for by_handle in [true, false] {
+            for each in [&mut instance, &mut other] {
+                while let Some((state, _)) = each.saved.pop() {
+                    each.free_state(state);
+                }
+                if by_handle {
+                    each.set_state(state, saved.1);
+                } else {
+                    each.restore(&saved);
+                }
+                prop_assert!(each.snapshot() == saved, "a restored state has other bytes");
+                prop_assert!(readings(each) == seen, "a restored state has other values");
+                prop_assert!(run(each) == expected, "a restored state continues differently");
             }
-            each.restore(&saved);
-            prop_assert!(each.snapshot() == saved, "a restored state has other bytes");
-            prop_assert!(readings(each) == seen, "a restored state has other values");
-            prop_assert!(run(each) == expected, "a restored state continues differently");
         }
+        instance.free_state(state);
         instance.ok("Reset");
         prop_assert!(instance.snapshot() == fresh, "Reset leaves something behind");
         *shared.borrow_mut().0 += instance.calls + other.calls;
