@@ -287,3 +287,49 @@ def test_an_interface_that_a_model_lacks_is_refused_once(
     said = [line for line in result.stderr.splitlines() if line.startswith("error")]
     assert message in said[0]
     assert len(said) <= 2
+
+
+ALGEBRAIC = """
+impl Equations for Motor {
+    type Variables = Variables;
+    fn evaluate<T: Number>(&self, _: T, variables: Evaluation<'_, T>) {
+        variables.outputs.speed = variables.inputs.torque;
+    }
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("model", "precision", "message"),
+    [
+        (
+            "fmu!(equations struct Motor);" + ALGEBRAIC,
+            "single",
+            "FMU_PRECISION is single, but only a `Sampled` model computes with `f32`",
+        ),
+        (
+            "fmu!(stepper struct Motor);" + STEPPER,
+            "single",
+            "FMU_PRECISION is single, but only a `Sampled` model computes with `f32`",
+        ),
+        (
+            "fmu!(sampled struct Motor);" + SAMPLED,
+            "half",
+            "FMU_PRECISION: 'half' is not one of double and single",
+        ),
+    ],
+    ids=["equations", "stepper", "no_precision"],
+)
+def test_a_precision_that_a_model_cannot_have_is_refused(
+    model: str, precision: str, message: str, tmp_path: Path
+) -> None:
+    package(tmp_path, 'fmu_export_build::generate("model.json");')
+    without_states = [{"name": "speed", "causality": "output", "unit": "N.m"}, *DECLARATION["variables"][1:]]
+    tmp_path.joinpath("model.json").write_text(json.dumps({"variables": without_states}))
+    tmp_path.joinpath("src").mkdir()
+    tmp_path.joinpath("src", "lib.rs").write_text("#![allow(unused)]\n" + USE + "fmu_export::" + model)
+    # The compiler looks at it as it makes code.
+    result = cargo("build", tmp_path, variables={"FMU_PRECISION": precision})
+    print(result.stderr)
+    said = [line for line in result.stderr.splitlines() if line.startswith("error")]
+    assert message in said[0]
