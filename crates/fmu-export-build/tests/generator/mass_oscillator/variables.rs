@@ -10,7 +10,7 @@ pub use ::fmu_export::fmi2_co_simulation as export_functions;
 mod generated {
 use ::fmu_export::description as fmi;
 
-/// The numbers of Reals: `f64`, or with the package's feature `f32` that type.
+/// The numbers of Reals: `f64`, or `f32` in single precision.
 pub type Real = f64;
 
 /// The parameters of the model.
