@@ -132,19 +132,16 @@ pub(crate) fn take_page<V: Variables>(variables: &mut V, page: &[u64], tunable: 
         return Err(Error::new(format_args!("a page of {length} cells for {cells} cells of parameters")));
     }
     for (&cell, (reference, variable)) in page.iter().zip(scalars::<V>(true)) {
-        let before = cell_of(variables, reference, variable.data_type);
-        if before == significant(cell, variable.data_type) {
+        if cell_of(variables, reference, variable.data_type) == stored::<V>(cell, variable.data_type) {
             continue;
         }
-        set(variables, reference, variable, cell)?;
-        // A Real may be rounded to what it was.
-        let has_changed = before != cell_of(variables, reference, variable.data_type);
-        if tunable && has_changed && variable.variability == Variability::Fixed {
+        if tunable && variable.variability == Variability::Fixed {
             return Err(Error::new(format_args!(
                 "{} is fixed: a change takes effect at the next start",
                 variable.name()
             )));
         }
+        set(variables, reference, variable, cell)?;
     }
     Ok(())
 }
@@ -157,6 +154,14 @@ fn cell_of<V: Variables>(variables: &V, reference: ValueReference, data_type: Da
         DataType::Integer | DataType::Enumeration => u64::from(variables.integer(reference).cast_unsigned()),
         DataType::Boolean => variables.boolean(reference).into(),
         _ => significant(variables.whole(reference).cast_unsigned() as u64, data_type),
+    }
+}
+
+/// The bits of a scalar that is set to the value of a cell.
+fn stored<V: Variables>(cell: u64, data_type: DataType) -> u64 {
+    match data_type {
+        DataType::Real => V::rounded(f64::from_bits(cell)).to_bits(),
+        _ => significant(cell, data_type),
     }
 }
 
