@@ -9,9 +9,8 @@ use std::process::Stdio;
 use anyhow::{Context, Result, bail};
 use fmu_io::reading;
 use fmu_package::{FmuDescription, MODEL_DESCRIPTION};
-use fmu_terms::{INTERFACES_VARIABLE, Interfaces, PRECISION_VARIABLE, Precision, VERSION_VARIABLE, Version};
 
-use super::generation::GeneratedInterface;
+use super::generation::{Choice, GeneratedInterface};
 use super::metadata::{Message, Metadata, Package};
 use super::target::{Made, Profile};
 
@@ -64,20 +63,16 @@ pub struct GeneratedDescription {
     pub content: FmuDescription,
 }
 
-/// Compiles packages of a workspace with a profile, for the chosen FMI version, interfaces and precision, if any; cargo reports
-/// progress on stderr.
+/// Compiles packages of a workspace with a profile, as an export chooses; cargo reports progress on stderr.
 pub fn compile<'a>(
     metadata: &Metadata,
     packages: impl Iterator<Item = &'a Package>,
     build: &dyn Made,
     profile: &Profile,
-    version: Option<Version>,
-    interfaces: Option<Interfaces>,
-    precision: Option<Precision>,
+    choice: Choice,
 ) -> Result<Compiled> {
     let packages: Vec<_> = packages.collect();
-    let interfaces_in_place =
-        GeneratedInterface::generate_all(metadata, packages.iter().copied(), version, interfaces, precision)?;
+    let interfaces_in_place = GeneratedInterface::generate_all(metadata, packages.iter().copied(), choice)?;
     let mut command = build.command(&metadata.target_directory, profile);
     for interface in &interfaces_in_place {
         interface.configure(&mut command, build.rust_target()?)?;
@@ -88,15 +83,7 @@ pub fn compile<'a>(
         .arg(metadata.workspace_root.join("Cargo.toml"))
         .stdin(Stdio::null())
         .stdout(Stdio::piped());
-    if let Some(version) = version {
-        command.env(VERSION_VARIABLE, version.to_string());
-    }
-    if let Some(interfaces) = interfaces {
-        command.env(INTERFACES_VARIABLE, interfaces.to_string());
-    }
-    if let Some(precision) = precision {
-        command.env(PRECISION_VARIABLE, precision.to_string());
-    }
+    choice.configure(&mut command);
     for package in &packages {
         command.args(["--package", &package.name]);
     }

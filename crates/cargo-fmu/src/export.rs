@@ -53,8 +53,7 @@ pub struct Export {
     /// FMI interfaces [default: the variable `FMU_INTERFACES`, else cs]
     #[arg(long, value_name = "INTERFACES", value_parser = interfaces())]
     interfaces: Option<Interfaces>,
-    /// Precision of models without states, such as controllers; see docs/ecu.md [default: the variable `FMU_PRECISION`, else
-    /// double]
+    /// Precision of sampled models; see docs/ecu.md [default: the variable `FMU_PRECISION`, else double]
     #[arg(long, value_name = "PRECISION", value_parser = precisions())]
     precision: Option<Precision>,
     /// Cargo profile for the libraries; `dev` compiles faster and checks for overflow [default: fmu-library, or release if

@@ -13,13 +13,34 @@ use std::time::SystemTime;
 use anyhow::{Error, Result, bail};
 use fmu_export_build::{Fmi, IDENTIFIER_VARIABLE, chosen_precision, generate_into};
 use fmu_io::terminal::complain;
-use fmu_terms::{Interfaces, Precision, Version};
+use fmu_terms::{INTERFACES_VARIABLE, Interfaces, PRECISION_VARIABLE, Precision, VERSION_VARIABLE, Version};
 
 use super::metadata::{Metadata, Package};
 use super::new::{BUILD_SCRIPT, DECLARATION, checkout};
 
 /// The crate that generates.
 const GENERATOR: &str = "fmu-export-build";
+
+/// What an export chooses; the rest is the environment's.
+#[derive(Clone, Copy, Debug)]
+pub struct Choice {
+    pub version: Option<Version>,
+    pub interfaces: Option<Interfaces>,
+    pub precision: Option<Precision>,
+}
+
+impl Choice {
+    /// Tells the build scripts of a command of cargo.
+    pub fn configure(self, command: &mut Command) {
+        let Self { version, interfaces, precision } = self;
+        let chosen = [
+            (VERSION_VARIABLE, version.map(Version::as_str)),
+            (INTERFACES_VARIABLE, interfaces.map(Interfaces::as_str)),
+            (PRECISION_VARIABLE, precision.map(Precision::as_str)),
+        ];
+        command.envs(chosen.into_iter().filter_map(|(variable, text)| Some((variable, text?))));
+    }
+}
 
 /// A model's interface that was generated in place of a build script.
 pub struct GeneratedInterface {
@@ -32,42 +53,32 @@ pub struct GeneratedInterface {
 }
 
 impl GeneratedInterface {
-    /// Generates those of the packages whose build scripts would do just that, for the chosen FMI version, interfaces
-    /// and precision, else the environment's.
+    /// Generates those of the packages whose build scripts would do just that.
     ///
     /// # Errors
     /// When a declaration is rejected, which is then told, or a file cannot be written.
     pub fn generate_all<'a>(
         metadata: &Metadata,
         packages: impl Iterator<Item = &'a Package>,
-        version: Option<Version>,
-        interfaces: Option<Interfaces>,
-        precision: Option<Precision>,
+        choice: Choice,
     ) -> Result<Vec<Self>> {
         let mut packages = packages.filter(|package| has_build_script_of_new(package)).peekable();
         if packages.peek().is_none() || !is_their_generator(metadata) {
             return Ok(vec![]);
         }
-        let generated =
-            packages.map(|package| Self::generate(metadata, package, version, interfaces, precision));
+        let generated = packages.map(|package| Self::generate(metadata, package, choice));
         Ok(generated.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     }
 
     /// Generates that of a package; none if its build script has to tell that the library has another name.
-    fn generate(
-        metadata: &Metadata,
-        package: &Package,
-        version: Option<Version>,
-        interfaces: Option<Interfaces>,
-        precision: Option<Precision>,
-    ) -> Result<Option<Self>> {
+    fn generate(metadata: &Metadata, package: &Package, choice: Choice) -> Result<Option<Self>> {
         let Some(links) = package.links.clone() else { return Ok(None) };
         let root = shown(package.folder());
         let declaration = root.join(DECLARATION);
-        let fmi = Fmi::chosen(&declaration, version, interfaces).map_err(Error::msg)?;
-        let precision = chosen_precision(precision).map_err(Error::msg)?;
-        let choice = format!("fmu-generated/{}-{}-{precision}", fmi.version, fmi.interfaces);
-        let folder = metadata.target_directory.join(choice);
+        let fmi = Fmi::chosen(&declaration, choice.version, choice.interfaces).map_err(Error::msg)?;
+        let precision = chosen_precision(choice.precision).map_err(Error::msg)?;
+        let folder = format!("fmu-generated/{}-{}-{precision}", fmi.version, fmi.interfaces);
+        let folder = metadata.target_directory.join(folder);
         let name = format!("{}@{}", package.name, package.version);
         let generated = generate_into(&declaration, &folder, &package.of_declaration(precision), fmi)
             .and_then(|generated| generated.used_in(&root, &declaration));

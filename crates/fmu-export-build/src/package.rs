@@ -19,7 +19,7 @@ pub struct Package {
     pub license: String,
     /// Whether it is compiled for a target without an operating system, and thus without files and a heap.
     pub is_bare_metal: bool,
-    /// The precision in which models without states compute.
+    /// The precision of models without states.
     pub precision: Precision,
 }
 

@@ -23,7 +23,7 @@ pub enum Precision {
     /// `f64`.
     #[default]
     Double,
-    /// `f32`, in models without states, such as controllers; what is integrated needs `f64`.
+    /// `f32`, in sampled models; what is integrated or differentiated needs `f64`.
     Single,
 }
 

@@ -16,6 +16,7 @@ use super::packing::{
     with_source_files, without_type_descriptions, write, write_file,
 };
 use crate::compile::{Compiled, GeneratedDescription, compile};
+use crate::generation::Choice;
 use crate::metadata::{Metadata, Package};
 use crate::sources::{self, Module};
 use crate::target::{Build, Made, Profile, WebAssembly};
@@ -178,15 +179,15 @@ impl Plan {
             self.models().collect::<Vec<_>>().join(", "),
             build.name()
         ));
-        let Self { metadata, models, profile, interfaces, precision, .. } = self;
-        compile(metadata, models.values(), build, profile, version, *interfaces, *precision).with_context(
-            || match version {
+        let choice = Choice { version, interfaces: self.interfaces, precision: self.precision };
+        compile(&self.metadata, self.models.values(), build, &self.profile, choice).with_context(|| {
+            match version {
                 Some(version) if self.versions.first() != Some(&Some(version)) => {
                     format!("nothing was exported as FMI {version}.0")
                 }
                 _ => "nothing was exported".to_owned(),
-            },
-        )
+            }
+        })
     }
 
     /// Writes the FMUs from the build and from libraries built elsewhere, reports them, and returns their files.

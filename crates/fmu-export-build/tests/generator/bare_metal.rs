@@ -2,7 +2,7 @@
 //! values; and what such a target refuses.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use a2lfile::{A2lObjectName as _, Characteristic, CharacteristicType};
 use fmu_export_build::{Interfaces, Package, Precision, generate_into};
@@ -44,13 +44,17 @@ fn package() -> Package {
     Package { version: "1.2.3".to_owned(), is_bare_metal: true, ..Package::default() }
 }
 
-/// Generates a model, into the folder of its name.
-fn generate(name: &str, model: &str) -> Result<PathBuf, String> {
+/// Generates the model of a package, into the folder of its name.
+fn generate_for(package: &Package, name: &str, model: &str) -> Result<PathBuf, String> {
     let folder = folder(name);
     let file = folder.join("model.json");
     fs::write(&file, model).expect("the folder for tests is writable");
-    let generated = generate_into(&file, &folder, &package(), Interfaces::CoSimulation);
+    let generated = generate_into(&file, &folder, package, Interfaces::CoSimulation);
     generated.map(|generated| generated.variables.with_file_name("")).map_err(|error| error.to_string())
+}
+
+fn generate(name: &str, model: &str) -> Result<PathBuf, String> {
+    generate_for(&package(), name, model)
 }
 
 fn generated(name: &str) -> PathBuf {
@@ -193,17 +197,13 @@ fn the_interface_needs_no_operating_system() {
             && !text.contains("export_functions")
             && text.contains("pub gain: [[T; 20]; 30],")
     );
-    let hosted = folder("hosted");
-    let file = hosted.join("model.json");
-    fs::write(&file, MODEL).expect("the folder for tests is writable");
     let package = Package { is_bare_metal: false, ..package() };
-    let generated =
-        generate_into(&file, &hosted, &package, Interfaces::CoSimulation).expect("the model is right");
-    let text = read(&generated.variables);
+    let hosted = generate_for(&package, "hosted", MODEL).expect("the model is right");
+    let text = read(&hosted.join("variables.rs"));
     assert!(
         text.contains("pub gain: ::std::boxed::Box<[[T; 20]; 30]>,") && !text.contains("mod calibration")
     );
-    assert!(!Path::new(&generated.variables.with_file_name("model.a2l")).exists());
+    assert!(!hosted.join("model.a2l").exists());
 }
 
 /// Generates a model in a precision: the typed interface, and what others see, in which the GUID is left out, with the GUID.
@@ -212,15 +212,9 @@ fn in_precision(
     model: &str,
     precision: Precision,
 ) -> Result<(String, [String; 3], String), String> {
-    let folder = folder(name);
-    let file = folder.join("model.json");
-    fs::write(&file, model).expect("the folder for tests is writable");
-    let package = Package { precision, ..package() };
-    let generated = generate_into(&file, &folder, &package, Interfaces::CoSimulation);
-    let variables = generated.map_err(|error| error.to_string())?.variables;
-    let text = read(&variables);
-    let seen =
-        ["modelDescription.xml", "model.a2l", "index.html"].map(|file| read(&variables.with_file_name(file)));
+    let generated = generate_for(&Package { precision, ..package() }, name, model)?;
+    let text = read(&generated.join("variables.rs"));
+    let seen = ["modelDescription.xml", "model.a2l", "index.html"].map(|file| read(&generated.join(file)));
     let (_, guid) = seen[0].split_once("guid=\"").expect("there is a GUID");
     let guid = guid.split('"').next().unwrap_or_default().to_owned();
     Ok((text, seen.map(|text| text.replace(&guid, "")), guid))
